@@ -230,6 +230,14 @@ def finite_array(name: str, value: ArrayLike, ndim: int | None = None) -> Array:
     return numbers
 
 
+def span(name: str, value: ArrayLike) -> tuple[float, float]:
+    """Return ``value`` as two finite numbers, nonnegative and ascending."""
+    ends = finite_array(name, value)
+    if ends.shape != (2,) or not 0.0 <= ends[0] < ends[1]:
+        raise ValueError(f"`{name}` must be two nonnegative numbers, ascending, got {shown(value)}.")
+    return float(ends[0]), float(ends[1])
+
+
 def no_signals(name: str, value: object, expected: str) -> None:
     """Refuse names of signals where a grid or a controller stands.
 
@@ -300,7 +308,7 @@ def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[
     """Return the wanted names as `names` does; none at all are refused."""
     result = names(what, wanted, choices)
     if not result:
-        raise ValueError(f"{what}s: expected at least one name, got none")
+        raise ValueError(f"`{what}s` must have at least one name, got none.")
     return result
 
 

@@ -553,15 +553,6 @@ def hamiltonian_matrix(system: Lti, level: float) -> Array:
     return balance(blocks([[A, B @ B_], [-C.T @ C_, -A.T]]))[0]
 
 
-def axis_eigenvalues(system: Lti, level: float) -> Array:
-    """Return the frequencies at which a singular value may equal ``level``, which is none of those of ``D``.
-
-    They are the imaginary parts, not below zero, of eigenvalues of the Hamiltonian matrix on the imaginary axis, or so near
-    to it that rounding may have moved them off it.
-    """
-    return np.concatenate([result.imag for result in near_axis(hamiltonian_matrix(system, level))])
-
-
 def near_axis(H: Array) -> tuple[Array, Array]:
     """Return the eigenvalues, not below the real axis, on the imaginary axis, and those that lie so near to it.
 

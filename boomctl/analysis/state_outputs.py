@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti, of
-from boomctl.structure.families import AffineFamily, PolynomialFamily
+from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:

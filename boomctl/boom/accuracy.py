@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -13,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.boom.exact import exact_boom, fine_mesh
 from boomctl.boom.model import boom_discretization, boom_model
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import exactly
+from boomctl.checks import exactly, within
 from boomctl.exceptions import AccuracyWarning
 from boomctl.lti.frequency import DRAWN, resonance_grid, singular_values
 from boomctl.lti.modal import side_of_axis
@@ -23,12 +24,14 @@ from boomctl.structure.response.direct import respond
 from boomctl.structure.response.poles import damped_poles
 
 # Accuracies that can be requested: rounding of slow strokes limits the lower one.
-ACCURACIES = (1e-7, 1.0)
+_ACCURACIES = (1e-7, 1.0)
 _SLOWEST = 1e-3  # Lowest frequency compared, in bands: slower motion is as quasi-static.
 _BEYOND = 1.2  # Bands up to which resonances are looked for: one just outside contributes within.
 _POINTS = 400  # Frequencies compared in addition to those at resonances: enough for the dips between these.
 _ELEMENTS = (4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
-_ORDERS = (3, 14)  # Of the elements: lowest, and where rounding ends what a higher one gains.
+_ORDERS = range(3, 15)  # Rounding errors end the gain of higher orders.
+# Stems of the signals of one magnitude: errors are relative to the response between two of these groups.
+_OUTPUTS, _INPUTS = (("tip", "nozzle"), ("stroke",), ("cradle",)), (("actuator",), ("suspension", "cradle"))
 _SAFETY = 0.8  # Fraction of the accuracy that a mesh may use: errors between the frequencies compared are larger.
 
 
@@ -58,11 +61,8 @@ class MeshChoice:
     __repr__ = compact
 
     def __str__(self) -> str:
-        return (
-            f"{self.elements} high-order elements of order {self.order}: error {self.error:.1e} up to "
-            f"{self.max_frequency_hz:g} Hz, "
-            f"{self.accuracy:.3g} asked for"
-        )
+        error = f"error {self.error:.1e} up to {self.max_frequency_hz:g} Hz, {self.accuracy:.3g} requested"
+        return f"{self.elements} high-order elements of order {self.order}: {error}"
 
 
 @lru_cache(maxsize=16)
@@ -79,32 +79,26 @@ def chosen_mesh(
     ValueError
         Values out of range; the exact response is not finite at a resonance, or no mesh is as exact as asked for.
     """
-    if not ACCURACIES[0] <= accuracy <= ACCURACIES[1]:
-        raise ValueError(f"accuracy = {exactly(accuracy)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")
+    within("accuracy", accuracy, *_ACCURACIES)
     imposed = "force" if excitation == "force" else "displacement"
     error = _error_of(p, max_frequency_hz, imposed, nozzles)
-    tried: list[tuple[int, int, float]] = []
+    errors: dict[tuple[int, int], float] = {}
 
     def reached(elements: int, order: int) -> bool:
         mesh = boom_discretization(p, "high-order", elements, order)
-        tried.append((elements, order, error(boom_model(p, mesh, imposed, nozzles=nozzles))))
-        return tried[-1][2] <= _SAFETY * accuracy
+        errors[elements, order] = error(boom_model(p, mesh, imposed, nozzles=nozzles))
+        return errors[elements, order] <= _SAFETY * accuracy
 
-    for elements in _ELEMENTS:
-        if not reached(elements, _ORDERS[1]):
-            continue
-        low, high = _ORDERS[0] - 1, _ORDERS[1]  # not enough, and enough
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if reached(elements, middle) else (middle, high)
-        result = next(item for item in tried if item[:2] == (elements, high))
-        return MeshChoice(accuracy, max_frequency_hz, *result, tuple(tried))
-    best = min(tried, key=lambda each: each[2])
-    raise ValueError(
-        f"accuracy = {exactly(accuracy)}: expected at least {1.3 * best[2]:.1g} with max_frequency_hz = "
-        f"{exactly(max_frequency_hz)}; {best[0]} "
-        f"elements of order {best[1]} come as near as any"
-    )
+    elements = next((count for count in _ELEMENTS if reached(count, _ORDERS[-1])), None)
+    if elements is None:
+        best = min(errors, key=errors.__getitem__)
+        raise ValueError(
+            f"`accuracy` must be at least {1.3 * errors[best]:.1g} with max_frequency_hz={exactly(max_frequency_hz)}, got"
+            f" {exactly(accuracy)}. The most accurate mesh has {best[0]} elements of order {best[1]}."
+        )
+    order = _ORDERS[bisect_left(_ORDERS[:-1], True, key=lambda order: reached(elements, order))]
+    tried = tuple((*mesh, value) for mesh, value in errors.items())
+    return MeshChoice(accuracy, max_frequency_hz, elements, order, errors[elements, order], tried)
 
 
 def _error_of(
@@ -114,16 +108,15 @@ def _error_of(
     exact, top = exact_boom(p, imposed, nozzles), 2.0 * np.pi * max_frequency_hz
     count = int(exact.count_below(np.array([_BEYOND * top]))[0]) + 1
     poles = damped_poles(boom_model(p, fine_mesh(p, count), imposed).structure, count)
-    within = poles[poles.imag <= top]
-    undamped = within[side_of_axis(within) == 0]
+    undamped = poles[(poles.imag <= top) & (side_of_axis(poles) == 0)]
     if len(undamped):
         raise ValueError(
-            f"accuracy: the exact response is infinite at {undamped[0].imag / (2.0 * np.pi):.4g} Hz, where nothing damps it;"
-            f" expected damping, or a band below it"
+            f"`max_frequency_hz` must be below the undamped resonance at {undamped[0].imag / (2.0 * np.pi):.4g} Hz, where the"
+            f" response is infinite, got {exactly(max_frequency_hz)}."
         )
     ports = exact.ports
-    rows = _groups(ports.outputs, ("tip", "nozzle"), ("stroke",), ("cradle",))
-    columns = _groups(ports.inputs, ("actuator",), ("suspension", "cradle"))
+    rows = [[k for k, name in enumerate(ports.outputs) if name.startswith(stems)] for stems in _OUTPUTS]
+    columns = [[k for k, name in enumerate(ports.inputs) if name.startswith(stems)] for stems in _INPUTS]
     blocks = [np.ix_(i, j) for i in rows for j in columns]
 
     def sizes(response: Array) -> Array:
@@ -140,8 +133,3 @@ def _error_of(
         return float((sizes(result - wanted) / allowed).max())
 
     return error
-
-
-def _groups(names: tuple[str, ...], *stems: tuple[str, ...]) -> list[list[int]]:
-    """Return the places of the signals that begin with each of the stems."""
-    return [[k for k, name in enumerate(names) if name.startswith(stem)] for stem in stems]

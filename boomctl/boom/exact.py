@@ -15,7 +15,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import frequencies, instance, known, some_names, truth, whole
 from boomctl.structure.beams.eigenvalues import damped_eigenvalues, undamped_frequencies
 from boomctl.structure.beams.elements import FiniteElements
-from boomctl.structure.beams.exact import ExactModel, PreparedResponse
+from boomctl.structure.beams.exact import ExactModel
 from boomctl.structure.displacement_input import MOTIONS
 from boomctl.threads import one_blas_thread
 
@@ -28,6 +28,7 @@ _MOST = (
 )
 
 
+@lru_cache(maxsize=16)
 def exact_boom(
     parameters: BoomParameters, excitation: str = "displacement", nozzles: tuple[float, ...] = ()
 ) -> ExactModel:
@@ -41,21 +42,9 @@ def exact_boom(
     nozzles : tuple of float
         Places along the boom whose motions are outputs too [m].
     """
-    model = _exact_boom(parameters, nozzles)
-    return model if excitation == "force" else model.prescribed(ACTUATORS)
-
-
-@lru_cache(maxsize=8)
-def _exact_boom(parameters: BoomParameters, nozzles: tuple[float, ...]) -> ExactModel:
     model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).to_exact()
-    return model.mirrored(boom_mirror(model.coordinates, nozzles))
-
-
-@lru_cache(maxsize=16)
-def _prepared(
-    parameters: BoomParameters, forced: bool, inputs: tuple[str, ...], outputs: tuple[str, ...]
-) -> PreparedResponse:
-    return exact_boom(parameters, "force" if forced else "displacement").prepared(inputs, outputs)
+    model = model.mirrored(boom_mirror(model.coordinates, nozzles))
+    return model if excitation == "force" else model.prescribed(ACTUATORS)
 
 
 @one_blas_thread
@@ -104,9 +93,9 @@ def exact_frequency_response(
     instance("parameters", parameters, BoomParameters)
     grid = frequencies("omega", omega)
     known("excitation", excitation, (*MOTIONS, "force"))
-    ports = _exact_boom(parameters, ()).ports
-    ins, outs = some_names("input", inputs, ports.inputs), some_names("output", outputs, ports.outputs)
-    response = _prepared(parameters, excitation == "force", ins, outs).at(grid)
+    model = exact_boom(parameters, excitation)
+    ins, outs = some_names("input", inputs, model.ports.inputs), some_names("output", outputs, model.ports.outputs)
+    response = model.prepared(ins, outs).at(grid)
     integrations = MOTIONS.index(excitation) if excitation in MOTIONS else 0
     if integrations:
         if (grid == 0.0).any():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Unpack
+from typing import Any, Unpack
 
 from boomctl.arrays import Array
 from boomctl.boom.model import boom_discretization, boom_model, nozzle_places
@@ -99,31 +99,20 @@ def spray_boom(
     if truth("reaction_forces", reaction_forces) and excitation == "force":
         raise ValueError("reaction_forces = True: the actuators' forces are inputs where excitation = 'force'")
     places = () if nozzles is None else nozzle_places(p, nozzles)
-    chosen = None
+    chosen, choices = None, {"discretization": discretization, "elements": elements, "order": order}
+    mesh: dict[str, Any] = {name: value for name, value in choices.items() if value is not None}
     if accuracy is not None or max_frequency_hz is not None:
-        for name, given in (("discretization", discretization), ("elements", elements), ("order", order)):
-            if given is not None:
-                raise ValueError(
-                    f"{name} = {shown(given)}: expected none beside accuracy and max_frequency_hz, which choose the mesh"
-                )
-        for name, given in (("accuracy", accuracy), ("max_frequency_hz", max_frequency_hz)):
-            if given is None:
-                raise ValueError(f"{name} = None: expected a number; accuracy and max_frequency_hz go together")
+        for name, value in mesh.items():
+            raise ValueError(f"`{name}` must be None with `accuracy`, which chooses the mesh, got {shown(value)}.")
         from boomctl.boom.accuracy import chosen_mesh  # and the exact beam
 
         chosen = chosen_mesh(
             p, positive("accuracy", accuracy), positive("max_frequency_hz", max_frequency_hz), excitation, places
         )
-        discretization, elements, order = "high-order", chosen.elements, chosen.order
-    mesh = boom_discretization(
-        p,
-        "finite" if discretization is None else discretization,
-        6 if elements is None else elements,
-        12 if order is None else order,
-    )
+        mesh = {"discretization": "high-order", "elements": chosen.elements, "order": chosen.order}
     model = boom_model(
         p,
-        mesh,
+        boom_discretization(p, **mesh),
         excitation,
         accelerometer_bandwidth_hz=accelerometer_bandwidth_hz,
         reactions=reaction_forces,

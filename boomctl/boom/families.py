@@ -6,19 +6,20 @@ the tube's share of mass and inertia stays what it is and never exceeds the boom
 the boom, and spray liquid in its pipes, are such a change.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.checks import known, positive
-from boomctl.structure.families import AffineFamily, interval
+from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.threads import one_blas_thread
 
-_HALVES = ("jolt", "yaw")
-_STIFFEST = 1e4  # times the present stiffness and its inverse: where the search for a spring ends (a choice)
+_SUBSYSTEMS = ("jolt", "yaw")
+_MAX_FACTOR = 1e4  # Limit of the search for a spring, on its stiffness and the inverse, relative to the present one.
 
 
 def scaled_boom(parameters: BoomParameters, spring_factor: float = 1.0, mass_factor: float = 1.0) -> BoomParameters:
@@ -34,8 +35,24 @@ def scaled_boom(parameters: BoomParameters, spring_factor: float = 1.0, mass_fac
     )
 
 
-def _part(model: SecondOrderModel, half: str | None) -> SecondOrderModel:
-    return model if half is None else split_symmetric(model)[_HALVES.index(known("half", half, _HALVES))]
+def family_of(
+    ranges: Mapping[str, tuple[float, float]],
+    parameters: Callable[..., BoomParameters],
+    subsystem: str | None,
+    *options: Any,
+) -> AffineFamily:
+    """Return the boom over ranges of the arguments of ``parameters``.
+
+    ``options`` are the arguments of :func:`boomctl.spray_boom` from `discretization` on.
+    """
+
+    def model(values: Mapping[str, float]) -> SecondOrderModel:
+        boom = spray_boom(parameters(**values), *options)
+        return boom if subsystem is None else split_symmetric(boom)[_SUBSYSTEMS.index(subsystem)]
+
+    if subsystem is not None:
+        known("subsystem", subsystem, _SUBSYSTEMS)
+    return AffineFamily.from_function(ranges, model)
 
 
 @one_blas_thread
@@ -82,19 +99,9 @@ def boom_family(
     [0.208]
     [0.275]
     """
-    p = boom_parameters(parameters)
-
-    def make(values: Mapping[str, float]) -> SecondOrderModel:
-        scaled = scaled_boom(p, **values)
-        return _part(spray_boom(scaled, discretization, elements, excitation, accelerometer_bandwidth_hz), subsystem)
-
-    ranges = {
-        "spring_factor": interval("spring_factor", spring_factor),
-        "mass_factor": interval("mass_factor", mass_factor),
-    }
-    for name, (low, _) in ranges.items():
-        positive(f"lower end of {name}", low)
-    return AffineFamily.from_function(ranges, make)
+    ranges = {"spring_factor": spring_factor, "mass_factor": mass_factor}
+    options = discretization, elements, excitation, accelerometer_bandwidth_hz
+    return family_of(ranges, partial(scaled_boom, boom_parameters(parameters)), subsystem, *options)
 
 
 @one_blas_thread
@@ -144,26 +151,8 @@ def yaw_family(
     """
     p = boom_parameters(parameters)
     stiffest = spring_for_yaw(p, max_yaw_frequency_hz, elements, discretization)
-    return spring_family(
-        p,
-        stiffest,
-        half=subsystem,
-        elements=elements,
-        discretization=discretization,
-        excitation=excitation,
-        accelerometer_bandwidth_hz=accelerometer_bandwidth_hz,
-    )
-
-
-def spring_family(
-    p: BoomParameters, stiffest: float, *, half: str | None, elements: int, **options: Any
-) -> AffineFamily:
-    """Return the boom from its own spring stiffness to another one [N/m]; options as for :func:`boomctl.spray_boom`."""
-
-    def make(values: Mapping[str, float]) -> SecondOrderModel:
-        return _part(spray_boom(replace(p, **values), elements=elements, **options), half)
-
-    return AffineFamily.from_function({"spring_stiffness": (p.spring_stiffness, stiffest)}, make)
+    options = discretization, elements, excitation, accelerometer_bandwidth_hz
+    return family_of({"spring_stiffness": (p.spring_stiffness, stiffest)}, p.replace, subsystem, *options)
 
 
 def spring_for_yaw(
@@ -174,18 +163,20 @@ def spring_for_yaw(
     Raises
     ------
     ValueError
-        No stiffness up to ten thousand times the present one does it.
+        If no stiffness up to 1e4 times the present one yields it.
     """
-    from scipy import optimize  # long to import, and boom_family does not come here
+    from scipy import optimize  # Slow to import, and not needed by `boom_family`.
 
-    parameters, wanted = boom_parameters(parameters), positive("frequency_hz", frequency_hz)
+    wanted = positive("frequency_hz", frequency_hz)
 
     def excess(factor: float) -> float:
         changed = scaled_boom(parameters, spring_factor=factor)
         yaw = split_symmetric(spray_boom(changed, discretization, elements))[1]
         return float(yaw.eigenfrequencies_hz(1)[0]) - wanted
 
-    if excess(1.0 / _STIFFEST) > 0.0 or excess(_STIFFEST) < 0.0:
-        raise ValueError(f"frequency_hz = {wanted:g}: no spring stiffness brings the first yaw frequency there")
-    factor = float(optimize.brentq(excess, 1.0 / _STIFFEST, _STIFFEST, xtol=1e-12))  # type: ignore[arg-type]
+    if excess(1.0 / _MAX_FACTOR) > 0.0 or excess(_MAX_FACTOR) < 0.0:
+        raise ValueError(
+            f"`frequency_hz` must be a first yaw frequency that some spring stiffness yields, got {wanted:g}."
+        )
+    factor = float(optimize.brentq(excess, 1.0 / _MAX_FACTOR, _MAX_FACTOR, xtol=1e-12))  # type: ignore[arg-type]
     return factor * parameters.spring_stiffness

@@ -10,7 +10,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import exactly, finite_array, from_on, known, positive, sequence, shown, up_to, whole
+from boomctl.checks import exactly, finite_array, known, positive, sequence, shown, up_to, whole
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.elements import MOST_ELEMENTS, DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement
@@ -114,7 +114,7 @@ def boom_model(
 
 
 def boom_discretization(
-    p: BoomParameters, discretization: str, elements: int | Sequence[float] | Array, order: int = 12
+    p: BoomParameters, discretization: str = "finite", elements: int | Sequence[float] | Array = 6, order: int = 12
 ) -> Discretization:
     """Return the discretisation of the boom of the given name; node positions count from the hinge."""
     known("discretization", discretization, DISCRETIZATIONS)
@@ -131,18 +131,23 @@ def boom_discretization(
     return DiscreteElements(stations, "hermite" if discretization == "discrete-hermite" else "lumped")
 
 
+def _positions(name: str, values: Sequence[float] | Array, least: int) -> Array:
+    """Return at least so many ascending positions along the boom."""
+    x = finite_array(name, sequence(name, values, "positions"), ndim=1)
+    if len(x) < least or not (np.diff(x) > 0.0).all():
+        raise ValueError(
+            f"`{name}` must have at least {least} positions along the boom, ascending, got {shown(x.tolist())}."
+        )
+    return x
+
+
 def _node_positions(p: BoomParameters, elements: Sequence[float] | Array) -> Array:
-    """Return node positions, refused unless they ascend from tip to tip."""
-    if not hasattr(elements, "__iter__"):
-        raise TypeError(f"elements = {shown(elements)}: expected a whole number or a sequence of node positions")
-    x = finite_array("elements (node positions)", sequence("elements", elements, "node positions"), ndim=1)
-    if len(x) < 2 or not (np.diff(x) > 0.0).all():
-        raise ValueError(f"elements = {shown(x.tolist())}: expected at least two node positions, ascending")
-    half = p.length / 2
+    """Return node positions from tip to tip."""
+    x, half = _positions("elements", elements, 2), p.length / 2
     if abs(x[0] + half) > 1e-9 * half or abs(x[-1] - half) > 1e-9 * half:
         raise ValueError(
-            f"elements: nodes run from {exactly(x[0])} to {exactly(x[-1])} m; expected {exactly(-half)} to "
-            f"{exactly(half)} m, tip to tip"
+            f"`elements` must be node positions from tip to tip, {exactly(-half)} to {exactly(half)} m, got"
+            f" {exactly(x[0])} to {exactly(x[-1])} m."
         )
     return x
 
@@ -165,15 +170,11 @@ def nozzle_name(index: int) -> str:
 
 
 def nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
-    """Return places on the boom, refused unless they ascend and lie on it."""
-    x = finite_array("nozzles", nozzles, ndim=1)
-    if not len(x) or not (np.diff(x) > 0.0).all():
-        raise ValueError("nozzles: expected at least one place along the boom, ascending")
-    half = p.length / 2
-    if x[0] < -half or x[-1] > half:
+    """Return checked positions of nozzles on the boom."""
+    x, half = _positions("nozzles", nozzles, 1), p.length / 2
+    if max(-x[0], x[-1]) > half:
         raise ValueError(
-            f"nozzles: expected places on the boom, {from_on(-half)} to {up_to(half)} m, got "
-            f"{exactly(x[0])} to {exactly(x[-1])}"
+            f"`nozzles` must be within {up_to(half)} m of the hinge, got {exactly(x[0])} to {exactly(x[-1])} m."
         )
     return tuple(x.tolist())
 

@@ -1,6 +1,7 @@
 """Motion of the platform: of a tractor on a track, sine sweeps, measured motions and their files."""
 
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -10,9 +11,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
-from boomctl.boom.tracks import MOST_STEPS, SPEEDS, Track, step_count
+from boomctl.boom.tracks import SPEEDS, Track, step_count
 from boomctl.boom.tractor import TractorParameters, tractor_lti
-from boomctl.checks import exactly, finite_array, from_on, instance, known, positive, real, truth, up_to, within
+from boomctl.checks import exactly, finite_array, instance, known, positive, real, truth, up_to, within
 from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
@@ -25,8 +26,11 @@ _DISTANCE = BoomParameters.actuator_distance
 _SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
 _DRIFTING = 1e-9  # decay [1/s] below which nothing holds the heading: it would take 30 years (a choice)
 _SIDES, _MOTIONS = ("time_s", "left_m", "right_m"), ("time_s", "jolt_m", "yaw_rad")  # Columns of a file of motion.
+# Amplitudes of the left and the right actuator.
+_SWEEPS = {"jolt": (1.0, 1.0), "yaw": (-1.0, 1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}
 _STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of a file of motion
 _MEANT = re.compile(rf"{_STATED}|(?=.*actuator)(?=.*distance)(?=.*\d)", re.IGNORECASE)  # A comment on that distance.
+_COMMENT = re.compile(rf"{_STATED}\s*=\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,9 +75,7 @@ class PlatformMotion(TimeSeries):
                 "time, left, right: expected two samples or more, equally many, got"
                 f" {len(self.time)}, {len(self.left)} and {len(self.right)}"
             )
-        bad = uneven(self.time)
-        if bad is not None:
-            raise ValueError(f"time[{bad[0]}] = {self.time[bad[0]]:g}: {bad[1]}")
+        check_even(self.time)
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
@@ -129,21 +131,19 @@ class PlatformMotion(TimeSeries):
         return (self.right - self.left) / self.actuator_distance
 
 
-def uneven(time: Array) -> tuple[int, str] | None:
-    """Return the first sample at which times are not equally spaced, and the reason; None if they are."""
+def check_even(time: Array, label: Callable[[int], str] = "time[{}]".format) -> None:
+    """Raise ``ValueError`` for the first sample, with its label, at which times are not equally spaced."""
     steps = np.diff(time)
     usual, step = float(np.median(steps)), (time[-1] - time[0]) / len(steps)
-    if (steps <= 0.0).any():
-        return int(np.argmax(steps <= 0.0)) + 1, "expected times to ascend"
-    if (steps > 1.5 * usual).any():
-        return int(np.argmax(steps > 1.5 * usual)) + 1, f"a gap, samples are missing before it (usual step {usual:g} s)"
-    off = np.abs(time - (time[0] + step * np.arange(len(time))))
-    worst = int(np.argmax(off))
-    return (
-        (worst, f"expected equal steps, of {step:g} s in the mean; resample the motion")
-        if off[worst] > 0.05 * step
-        else None
-    )
+    deviation = np.abs(time[1:] - (time[0] + step * np.arange(1, len(time))))
+    for wrong, reason in (
+        (steps <= 0.0, "expected times to ascend"),
+        (steps > 1.5 * usual, f"a gap, samples are missing before it (usual step {usual:g} s)"),
+        (deviation > 0.05 * step, f"expected equal steps, of {step:g} s in the mean; resample the motion"),
+    ):
+        if wrong.any():
+            first = int(np.argmax(wrong)) + 1
+            raise ValueError(f"{label(first)} = {time[first]:g}: {reason}")
 
 
 @one_blas_thread
@@ -208,8 +208,6 @@ def platform_motion(
     if not track.periodic and wanted * V > way * (1.0 + 1e-9):
         raise ValueError(f"duration = {exactly(wanted)}: expected at most {up_to(way / V)} s, where the track ends")
     count = step_count("duration", wanted, h, "s")
-    if count < 1:
-        raise ValueError(f"sample_time = {exactly(h)}: expected less than the duration, {exactly(wanted)} s")
     finest = max(0.25 * p.contact_length, track.spacing)
     if V * h > finest * (1.0 + 1e-9):
         raise ValueError(
@@ -239,11 +237,7 @@ def _driven_before(system: Lti, track: Track, speed: float, h: float, wheelbase:
     if slowest <= _DRIFTING:
         return 0, None
     settling, once = -np.log(_SETTLED) / slowest, track.length / speed
-    if min(settling, once) / h > MOST_STEPS:
-        raise ValueError(
-            f"sample_time = {exactly(h)}: expected at least {from_on(min(settling, once) / MOST_STEPS)} s, for the tractor"
-            f" drives {min(settling, once):.3g} s before its motion is stationary"
-        )
+    step_count("run-in", max(min(settling, once), h), h, "s")
     if settling <= once:
         return int(np.ceil(settling / h)), None
     steps = int(np.ceil(once / h))
@@ -302,26 +296,17 @@ def sine_sweep(
     (30.0, 0.0)
     """
     low, high = positive("start_hz", start_hz), positive("stop_hz", stop_hz)
-    T, h, size = positive("duration", duration), positive("sample_time", sample_time), real("amplitude", amplitude)
-    known("motion", motion, ("jolt", "yaw", "left", "right"))
-    if max(low, high) * h >= 0.5:
-        raise ValueError(
-            f"sample_time = {exactly(h)}: expected less than {up_to(0.5 / max(low, high))} s, half the shortest period"
-        )
+    T, size, half_period = positive("duration", duration), real("amplitude", amplitude), 0.5 / max(low, high)
+    h = within("sample_time", positive("sample_time", sample_time), 0.0, half_period, "s")
+    left, right = _SWEEPS[known("motion", motion, _SWEEPS)]
     time = h * np.arange(step_count("duration", T, h, "s") + 1)
-    if len(time) < 2:
-        raise ValueError(f"sample_time = {exactly(h)}: expected less than the duration, {exactly(T)} s")
     if truth("logarithmic", logarithmic) and low != high:
         rate = (np.log(high) - np.log(low)) / T
         cycles = low * np.expm1(rate * time) / rate
     else:
         cycles = (low + 0.5 * (high - low) * time / T) * time
     wave = size * np.sin(2.0 * np.pi * cycles)
-    still = np.zeros_like(wave)
-    left = {"jolt": wave, "yaw": -wave, "left": wave, "right": still}[motion]
-    return PlatformMotion(
-        time, left, still if motion == "left" else wave, positive("actuator_distance", actuator_distance)
-    )
+    return PlatformMotion(time, left * wave, right * wave, positive("actuator_distance", actuator_distance))
 
 
 def read_motion(path: str | Path, actuator_distance: float | None = None) -> PlatformMotion:
@@ -368,19 +353,16 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     given = None if actuator_distance is None else positive("actuator_distance", actuator_distance)
     table = read_numbers(path)
     distance = _distance_of(path, table.comments, given)
-    result = set(table.header)
-    if len(result) != len(table.header) or result not in (set(_SIDES), set(_MOTIONS)):
+    column = dict(zip(table.header, table.values.T, strict=True))
+    if len(column) != len(table.header) or set(column) not in (set(_SIDES), set(_MOTIONS)):
         raise ValueError(
             f"{path}, line {table.header_line}: expected columns {', '.join(_SIDES)} or {', '.join(_MOTIONS)},"
             f" got {', '.join(table.header)}"
         )
     if len(table.values) < 2:
         raise ValueError(f"{path}: expected at least two samples")
-    column = {name: table.values[:, i] for i, name in enumerate(table.header)}
     time = column["time_s"]
-    bad = uneven(time)
-    if bad is not None:
-        raise ValueError(f"{path}, line {table.lines[bad[0]]}: time_s = {time[bad[0]]:g}: {bad[1]}")
+    check_even(time, lambda sample: f"{path}, line {table.lines[sample]}: time_s")
     if "left_m" in column:
         return PlatformMotion(time, column["left_m"], column["right_m"], distance)
     half = 0.5 * distance * column["yaw_rad"]
@@ -392,16 +374,11 @@ def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given:
     stated = [(line, text) for line, text in comments if _MEANT.match(text)]
     if not stated:
         return _DISTANCE if given is None else given
-    line, text = stated[0]
-    if len(stated) > 1:
-        raise ValueError(f"{path}, line {stated[1][0]}: {_STATED} is there twice, the first time in line {line}")
-    name, _, value = (part.strip() for part in text.partition("="))
-    if name.lower() != _STATED:
-        raise ValueError(f"{path}, line {line}: expected '# {_STATED} = ...', got {text[:50]!r}")
-    try:
-        distance = positive(_STATED, float(value.replace("_", "?")))  # Digits in groups are numbers to Python alone.
-    except ValueError:
-        raise ValueError(f"{path}, line {line}: {_STATED}: expected a number above zero, got {value[:50]!r}") from None
+    line, text = stated[-1]
+    match = _COMMENT.fullmatch(text)
+    if len(stated) > 1 or match is None or not float(match[1]) > 0.0:
+        raise ValueError(f"{path}, line {line}: expected one '# {_STATED} = ...', above zero, got {text[:50]!r}")
+    distance = float(match[1])
     if given not in (None, distance):
         raise ValueError(
             f"actuator_distance = {exactly(given)}: expected {exactly(distance)} m, as line {line} of {path} says, or"

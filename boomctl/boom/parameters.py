@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from math import sqrt
 from typing import Any, TypedDict
 
-from boomctl.checks import exactly, from_on, nonnegative, positive, warn_user
+from boomctl.checks import exactly, from_on, positive, warn_user, within
 from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced
 
 _LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
@@ -13,15 +13,10 @@ _LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of
 _BENDING = (1e-5, 1e6)
 _HINGE_TOLERANCE = 1e-3  # Largest change of mass or inertia at the hinge without a warning, relative to the tube.
 _TUBE = ("density", "length", "outer_width", "inner_width", "outer_height", "inner_height")
+_LESS_THAN = {"inner_width": "outer_width", "inner_height": "outer_height", "spring_distance": "length"}
 _FIRST = 1.8751040687119611  # first root of cos x cosh x = -1: a clamped beam's lowest mode
-_MAY_BE_ZERO = (
-    "spring_stiffness",
-    "cradle_damping",
-    "hinge_damping",
-    "stiffness_damping",
-    "inner_width",
-    "inner_height",
-)
+_DAMPING = ("cradle_damping", "hinge_damping", "stiffness_damping")
+_MAY_BE_ZERO = (*_DAMPING, "spring_stiffness", "inner_width", "inner_height")
 
 
 class BoomChanges(TypedDict, total=False):
@@ -125,31 +120,21 @@ class BoomParameters(Parameters):
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            check = nonnegative if field.name in _MAY_BE_ZERO else positive
-            if check(field.name, getattr(self, field.name)) > _LARGEST:
-                raise ValueError(
-                    f"{field.name} = {exactly(getattr(self, field.name))}: expected at most {_LARGEST:g}, in SI units"
-                )
+            value = within(field.name, getattr(self, field.name), 0.0, _LARGEST, "in SI units")
+            if field.name not in _MAY_BE_ZERO:
+                positive(field.name, value)
         self._plain()
-        for side in ("width", "height"):
-            inner, outer = getattr(self, f"inner_{side}"), getattr(self, f"outer_{side}")
-            if inner >= outer:
-                raise ValueError(f"inner_{side} = {exactly(inner)}: expected less than outer_{side} = {exactly(outer)}")
-        if self.spring_distance >= self.length:
-            raise ValueError(
-                f"spring_distance = {exactly(self.spring_distance)}: expected less than the boom's length = "
-                f"{exactly(self.length)}"
-            )
-        for name, value, tube in (
-            ("boom_mass", self.boom_mass, self.tube_mass),
-            ("boom_inertia", self.boom_inertia, self.tube_inertia),
-        ):
+        for name, limit in _LESS_THAN.items():
+            value, larger = getattr(self, name), getattr(self, limit)
+            if value >= larger:
+                raise ValueError(f"`{name}` must be less than `{limit}`, {exactly(larger)}, got {exactly(value)}.")
+        for name in ("mass", "inertia"):
+            value, tube = getattr(self, f"boom_{name}"), getattr(self, f"tube_{name}")
             if value < tube * (1.0 - 1e-12):
                 raise ValueError(
-                    f"{name} = {exactly(value)}: expected at least that of the tube, {from_on(tube)};"
-                    f" BoomParameters().scaled(length=..., ...) takes mass and inertia along with the tube"
+                    f"`boom_{name}` must be at least that of the tube, {from_on(tube)}, got {exactly(value)}. Change the tube"
+                    " by BoomParameters().scaled(length=..., ...), which scales mass and inertia too."
                 )
-
         wave, mass = 2.0 * _FIRST / self.length, self.mass_per_length
         bending = wave * wave * sqrt(self.bending_stiffness / mass) if mass > 0.0 else 0.0
         if not _BENDING[0] <= bending <= _BENDING[1]:
@@ -161,35 +146,22 @@ class BoomParameters(Parameters):
 
     def _look_back(self, before: Any, changes: Mapping[str, Any]) -> None:
         resized = any(getattr(self, name) != getattr(before, name) for name in _TUBE)
-        at_hinge, added = [], []
+        at_hinge = []
         for name in ("mass", "inertia"):
             boom, tube = (getattr(self, kind + name) - getattr(before, kind + name) for kind in ("boom_", "tube_"))
             consistent = resized and f"boom_{name}" in changes
             if not consistent and abs(boom - tube) > _HINGE_TOLERANCE * getattr(before, f"tube_{name}"):
-                at_hinge.append(f"boom_{name}")
-                added.append(tube)
+                at_hinge.append(f"`boom_{name}`")
         if not at_hinge:
             return
-        names = " and ".join(f"`{name}`" for name in at_hinge) + (" are" if len(at_hinge) > 1 else " is")
-        inertia_alone = at_hinge == ["boom_inertia"]
-        difference = f"the difference becomes a {'rotary inertia' if inertia_alone else 'point mass'} at the hinge"
-        if resized:
-            tube, unit, words = "tube is", "kg", ("lighter", "heavier")
-            if inertia_alone:
-                tube, unit, words = "inertia of the tube is", "kg m^2", ("lower", "higher")
-            arguments = ", ".join(f"{name}={value:g}" for name, value in changes.items())
-            text = (
-                f"{names} unchanged although the {tube} {abs(added[0]):.3g} {unit} {words[added[0] > 0]};"
-                f" {difference}. Use `{'BoomParameters()' if before == type(before)() else 'p'}.scaled({arguments})` to"
-                f" scale {'them' if len(at_hinge) > 1 else 'it'} too."
-            )
-        else:  # Without values: Python displays one of the equal warnings of a sweep or fit of `boom_mass`.
-            text = (
-                f"{names} changed although the tube is not; {difference}. Use `p.scaled(density=1.1 * p.density)` for a"
-                " frame that is 10 % heavier than that of the parameters `p`"
-                f"{', or `cradle_mass` for a mass at the hinge' if at_hinge == ['boom_mass'] else ''}."
-            )
-        warn_user(text)
+        old = "BoomParameters()" if before == type(before)() else "p"
+        arguments = ", ".join(f"{name}={value:g}" for name, value in changes.items())
+        change, remedy = "unchanged, but the tube changed", f"`{old}.scaled({arguments})`"
+        if not resized:  # Without values: Python displays one of the equal warnings of a sweep or fit of `boom_mass`.
+            change = "changed, but the tube did not"
+            remedy = "`p.scaled(density=1.1 * p.density)`, or `cradle_mass` for a point mass"
+        names = " and ".join(at_hinge)
+        warn_user(f"{names} {change}; the difference is placed at the hinge. To change both, use {remedy}.")
 
     def scaled(self, **changes: float) -> "BoomParameters":
         """Return the parameters with another tube, whose mass and inertia the boom's own follow.

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.boom.motion import uneven
+from boomctl.boom.motion import check_even
 from boomctl.boom.parameters import BoomParameters, boom_parameters
 from boomctl.boom.tracks import SPEEDS
 from boomctl.checks import exactly, finite_array, instance, known, nonnegative, positive, within
@@ -249,13 +249,7 @@ def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 
     array([-5., -3., -1.,  1.,  3.,  5.])
     """
     length = boom_parameters(parameters).length
-    count = int(min(length / positive("spacing", spacing) + 1e-9, _MOST_CELLS))
-    if count == _MOST_CELLS:
-        raise ValueError(
-            f"spacing = {exactly(spacing)}: expected fewer than {_MOST_CELLS:g} nozzles on {exactly(length)} m"
-        )
-    if not count:
-        raise ValueError(f"spacing = {exactly(spacing)}: expected at most the boom's length, {exactly(length)} m")
+    count = int(length / within("spacing", spacing, length / _MOST_CELLS, length, "m") + 1e-9)
     return spacing * (np.arange(count) - 0.5 * (count - 1))
 
 
@@ -314,16 +308,21 @@ def spray_deposit(
     """
     t, x, moved = _points(time, displacement, positions)
     V = within("speed", speed, *SPEEDS, "m/s")
-    at = x if nozzles is None else _nozzles(nozzles, x)
-    spacing = _spacing(at)
+    at, spacing = _nozzles(nozzles, x)
     pattern = Footprint(2.0 * spacing) if footprint is None else instance("footprint", footprint, Footprint)
-    dx, dy = _cell(cell_size)
-    offset, driven = _between(x, moved, at), V * (t - t[0])
+    sizes = cell_size if isinstance(cell_size, tuple) else (cell_size, cell_size)
+    if len(sizes) != 2:
+        raise ValueError(
+            f"`cell_size` must be one size, or those along the boom and along the drive, got {cell_size!r}."
+        )
+    dx, dy = (positive("cell_size", size) for size in sizes)
+    shares = np.array([np.interp(at, x, unit) for unit in np.eye(len(x))])
+    offset, driven = shares.T @ moved, V * (t - t[0])
     path, half = offset + driven, 0.5 * pattern.thickness
     _check_size(path, (dx, dy), (at[-1] - at[0] + pattern.width) / dx, pattern.thickness)
     x_edges = _edges(at[0] - 0.5 * pattern.width, at[-1] + 0.5 * pattern.width, dx, origin=at[0])
     y_edges = _edges(path.min() - half, path.max() + half, dy)
-    shares = np.diff(pattern.cumulative(x_edges[:, None] - at), axis=0) * (spacing / dx)
+    widths = np.diff(pattern.cumulative(x_edges[:, None] - at), axis=0) * (spacing / dx)
     stays = np.array([np.diff(_stay_below(y_edges, line, t, pattern.thickness)) for line in path])
     lacking = max(0.5 * pattern.width - spacing, 0.0)
     across = _within(x_edges, at[0] + lacking, at[-1] - lacking)
@@ -337,7 +336,7 @@ def spray_deposit(
         raise ValueError(f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged")
     tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
     return SprayResult(
-        deposit=shares @ stays * (V / dy),
+        deposit=widths @ stays * (V / dy),
         x_edges=x_edges,
         y_edges=y_edges,
         x_slice=across,
@@ -346,15 +345,6 @@ def spray_deposit(
         speed=V,
         footprint=pattern,
     )
-
-
-def _cell(cell: float | tuple[float, float]) -> tuple[float, float]:
-    """Return the size of the cells along the boom and along the drive."""
-    if not isinstance(cell, tuple):
-        return positive("cell_size", cell), positive("cell_size", cell)
-    if len(cell) != 2:
-        raise ValueError(f"cell_size = {cell!r}: expected one size, or that along the boom and that along the drive")
-    return positive("cell_size", cell[0]), positive("cell_size", cell[1])
 
 
 def _check_size(path: Array, cell: tuple[float, float], columns: float, thickness: float) -> None:
@@ -460,31 +450,19 @@ def _points(time: ArrayLike, displacement: ArrayLike, positions: ArrayLike) -> t
         )
     if len(x) < 2 or not (np.diff(x) > 0.0).all():
         raise ValueError("positions: expected at least two points, ascending")
-    bad = uneven(t)
-    if bad is not None:
-        raise ValueError(f"time[{bad[0]}] = {t[bad[0]]:g}: {bad[1]}")
+    check_even(t)
     return t, x, moved
 
 
-def _nozzles(nozzles: ArrayLike, x: Array) -> Array:
-    at = finite_array("nozzles", nozzles, ndim=1)
-    if not len(at) or at.min() < x[0] - 1e-9 or at.max() > x[-1] + 1e-9:
-        raise ValueError(f"nozzles: expected places between the points given, {exactly(x[0])} to {exactly(x[-1])} m")
-    return at
-
-
-def _spacing(at: Array) -> float:
+def _nozzles(nozzles: ArrayLike | None, x: Array) -> tuple[Array, float]:
+    """Return the positions of the nozzles between the points ``x``, and their spacing."""
+    at = x if nozzles is None else finite_array("nozzles", nozzles, ndim=1)
     gaps = np.diff(at)
     if len(at) < 2 or gaps.min() <= 0.0 or np.ptp(gaps) > 1e-6 * gaps.max():
-        raise ValueError("nozzles: expected at least two, ascending and equally spaced")
-    return float(gaps.mean())
-
-
-def _between(x: Array, moved: Array, at: Array) -> Array:
-    """Return displacements at ``at``, straight between the points ``x``."""
-    right = np.clip(np.searchsorted(x, at), 1, len(x) - 1)
-    share = ((at - x[right - 1]) / (x[right] - x[right - 1]))[:, None]
-    return (1.0 - share) * moved[right - 1] + share * moved[right]
+        raise ValueError("`nozzles` must be at least two positions, ascending and equally spaced.")
+    if at[0] < x[0] - 1e-9 or at[-1] > x[-1] + 1e-9:
+        raise ValueError(f"`nozzles` must be between the points given, {exactly(x[0])} to {exactly(x[-1])} m.")
+    return at, float(gaps.mean())
 
 
 def _edges(low: float, high: float, size: float, origin: float = 0.0) -> Array:

@@ -28,14 +28,14 @@ from boomctl.checks import (
     exactly,
     finite_array,
     frequencies,
-    from_on,
     known,
     positive,
     real,
-    sequence,
+    span,
     truth,
     up_to,
     whole,
+    within,
 )
 from boomctl.lti.rounding import ALIKE
 from boomctl.threads import one_blas_thread
@@ -48,7 +48,7 @@ COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
 SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
 BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones (a choice)
-MOST_STEPS = 50_000_000  # of a track or a motion: 400 MB a signal (a choice)
+_MAX_STEPS = 50_000_000  # Of a track or a motion: 400 MB a signal.
 GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
 _MOST_WAVES = 5_000_000  # of a ground, 500 to the meter: 160 MB of random numbers (a choice)
 _BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
@@ -188,12 +188,9 @@ def road_psd(road_class: str | int, wave_number: ArrayLike) -> Array:
     n = np.asarray(frequencies("wave_number", wave_number))
     if (n == 0.0).any():
         raise ValueError("wave_number: expected values above zero, got 0")
-    if isinstance(road_class, str):
-        number = ROAD_CLASSES.index(known("road_class", road_class, ROAD_CLASSES))
-    else:
-        number = whole("road_class", road_class, least=0)
-        if number >= len(ROAD_CLASSES):
-            raise ValueError(f"road_class = {number}: expected a letter from A to H or a number from 0 to 7")
+    letters = dict(zip(ROAD_CLASSES, range(len(ROAD_CLASSES)), strict=True))
+    number = road_class if not isinstance(road_class, str) else letters[known("road_class", road_class, letters)]
+    whole("road_class", number, 0, len(letters) - 1)
     return 16e-6 * 4.0**number * (n / REFERENCE_WAVE_NUMBER) ** -2
 
 
@@ -283,8 +280,8 @@ def iso_track(
     Raises
     ------
     TypeError, ValueError
-        A class that does not exist, a length that is longer than the ground or does not hold the shortest wave, a step
-        too long for that, a band without a wave.
+        If `road_class` is unknown, if `length` exceeds the ground, if `spacing` is too long for the shortest wave, or if the
+        track has no wave within `wave_number_range`.
 
     Notes
     -----
@@ -301,21 +298,12 @@ def iso_track(
     True
     """
     spacing, longest = positive("spacing", spacing), positive("length", length)
-    ends = sequence("wave_number_range", wave_number_range, "two wave numbers")
-    if len(ends) != 2:
-        raise ValueError(f"wave_number_range = {wave_number_range!r}: expected two wave numbers")
-    low, high = positive("wave_number_range", ends[0]), positive("wave_number_range", ends[1])
-    if not low < high:
-        raise ValueError(f"wave_number_range = ({low:g}, {high:g}): expected the lower wave number first")
+    low, high = span("wave_number_range", wave_number_range)
     if high >= 0.5 / spacing:
         raise ValueError(
             f"spacing = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
         )
     count = step_count("length", longest, spacing, "m")
-    if count < 2 or count * spacing * high < 1.0:
-        raise ValueError(
-            f"length = {exactly(longest)}: expected at least the shortest wave of the band, {from_on(1 / high)} m"
-        )
     round_trip = truth("periodic", periodic)
     period = count * spacing if round_trip else GROUND_LENGTH
     if not round_trip:
@@ -333,9 +321,7 @@ def iso_track(
     inside = n >= low * (1.0 - ALIKE)
     if not inside.any():
         raise ValueError(
-            f"length = {longest:g}: no wave of the band ({low:g} to {high:g} /m) fits into it"
-            if round_trip
-            else f"wave_number_range = ({low:g}, {high:g}): expected a multiple of {1.0 / GROUND_LENGTH:g} /m in it"
+            f"`wave_number_range` must contain a multiple of {1.0 / period:g} /m, got {low:g} to {high:g} /m."
         )
     common = track_coherence(n, positive("width", width), coherence)
     size = np.zeros(len(n))
@@ -378,9 +364,11 @@ def _sum_of_waves(waves: Array, turn: float, count: int) -> Array:
 
 
 def step_count(name: str, extent: float, step: float, unit: str) -> int:
-    """Return the number of steps in a length or a duration, if memory holds them."""
-    if extent / step > MOST_STEPS:
-        raise ValueError(f"{name} = {exactly(extent)}: expected at most {MOST_STEPS:g} steps of {exactly(step)} {unit}")
+    """Return the number of steps in a length or a duration, at least one and as many as memory holds."""
+    if not 0.5 < extent / step <= _MAX_STEPS:
+        raise ValueError(
+            f"`{name}` must be 1 to {_MAX_STEPS:g} steps of {exactly(step)} {unit} long, got {exactly(extent)} {unit}."
+        )
     return round(extent / step)
 
 
@@ -428,14 +416,9 @@ def bump_track(
            [0.  ]])
     """
     known("side", side, ("left", "right", "both"))
-    peak, extent, begin = real("height", height), positive("bump_length", bump_length), positive("position", position)
-    spacing, whole_length = positive("spacing", spacing), positive("length", length)
-    if begin + extent > whole_length:
-        raise ValueError(
-            f"position = {exactly(begin)}: expected the bump to end before the track does, at {up_to(whole_length)} m"
-        )
-    if extent < 10.0 * spacing:
-        raise ValueError(f"bump_length = {exactly(extent)}: expected at least ten steps, {from_on(10 * spacing)} m")
+    peak, spacing, whole_length = real("height", height), positive("spacing", spacing), positive("length", length)
+    extent = within("bump_length", bump_length, 10.0 * spacing, whole_length, "m")
+    begin = within("position", position, 0.0, whole_length - extent, "m")
     s = (spacing * np.arange(step_count("length", whole_length, spacing, "m") + 1) - begin) / extent
     raised = np.where((s > 0.0) & (s < 1.0), 0.5 * peak * (1.0 - np.cos(2.0 * np.pi * s)), 0.0)
     level = np.zeros_like(raised)

@@ -26,11 +26,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS
-from boomctl.checks import exactly, nonnegative, positive, within
+from boomctl.checks import nonnegative, positive, within
 from boomctl.lti.system import Lti
 from boomctl.parameters import Parameters, or_default
 from boomctl.threads import one_blas_thread
@@ -114,11 +113,7 @@ class TractorParameters(Parameters):
             check = nonnegative if field.name in _MAY_BE_ZERO else positive
             check(field.name, getattr(self, field.name))
         self._plain()
-        if self.cg_to_rear_axle >= self.wheelbase:
-            raise ValueError(
-                f"cg_to_rear_axle = {exactly(self.cg_to_rear_axle)}: expected less than the wheelbase, "
-                f"{exactly(self.wheelbase)}"
-            )
+        within("cg_to_rear_axle", self.cg_to_rear_axle, 0.0, self.wheelbase, "m")
 
     @property
     def axle_positions(self) -> tuple[float, float]:
@@ -148,52 +143,6 @@ class TractorParameters(Parameters):
         return (2.0 * (self.cornering_stiffness_front * ahead**2 + self.cornering_stiffness_rear * behind**2)) / within(
             "speed", speed, *SPEEDS, "m/s"
         )
-
-
-@dataclass(frozen=True)
-class _Wheel:
-    """A wheel over the coordinates x, z, pitch, roll, yaw: rows of its vertical and its fore-and-aft motion."""
-
-    up: Array
-    ahead: Array
-    stiffness: float
-    damping: float
-    load: float
-
-
-def _row(**values: float) -> Array:
-    """Return a row over x, z, pitch (nose up), roll (right side up) and yaw (right side ahead)."""
-    return np.array([values.get(name, 0.0) for name in _BODY])
-
-
-def _wheels(p: TractorParameters) -> tuple[_Wheel, ...]:
-    low = p.cg_height - p.hub_height
-    tires = (
-        (p.tire_stiffness_front, p.tire_damping_front),
-        (p.tire_stiffness_rear, p.tire_damping_rear),
-    )
-    wheels = []
-    for along, load, tire in zip(p.axle_positions, p.wheel_loads, tires, strict=True):
-        for across in (-0.5 * p.track_width, 0.5 * p.track_width):
-            up = _row(z=1.0, pitch=along, roll=across)
-            wheels.append(_Wheel(up, _row(x=1.0, pitch=low, yaw=across), *tire, load))
-    return tuple(wheels)
-
-
-def _body(p: TractorParameters, speed: float) -> tuple[Array, Array, Array]:
-    """Return M, C, K of the body on its tires, without what the wheels' rolling resistance adds."""
-    M = np.diag([p.mass, p.mass, p.pitch_inertia, p.roll_inertia, p.yaw_inertia])
-    C, K = np.zeros((5, 5)), np.zeros((5, 5))
-    hub = _row(x=1.0, pitch=p.cg_height - p.hub_height)
-    turn = _row(yaw=1.0)
-    turning = p.yaw_damping(speed)
-    links = [(wheel.up, wheel.stiffness, wheel.damping) for wheel in _wheels(p)]
-    links.append((hub, p.drive_stiffness, p.drive_damping))
-    links.append((turn, 2.0 * np.pi * p.steering_corner_hz * turning, turning))
-    for row, stiffness, damping in links:
-        K += stiffness * np.outer(row, row)
-        C += damping * np.outer(row, row)
-    return M, C, K
 
 
 @one_blas_thread
@@ -238,28 +187,33 @@ def tractor_system(
 
 def tractor_lti(p: TractorParameters, V: float, span: float) -> Lti:
     """Return the system of :func:`tractor_system`, its speed and its actuators' distance checked."""
-    M, C, K = _body(p, V)
-    felt, felt_rate, slope_force = np.zeros((5, 4)), np.zeros((5, 4)), np.zeros((5, 4))
-    for i, wheel in enumerate(_wheels(p)):
-        pushed = wheel.up - p.rolling_resistance * wheel.ahead
-        felt[:, i] = wheel.stiffness * pushed
-        felt_rate[:, i] = wheel.damping * pushed
-        slope_force[:, i] = -wheel.load / V * wheel.ahead
-        K -= p.rolling_resistance * wheel.stiffness * np.outer(wheel.ahead, wheel.up)
-        C -= p.rolling_resistance * wheel.damping * np.outer(wheel.ahead, wheel.up)
+    ahead, across = np.repeat(p.axle_positions, 2), 0.5 * p.track_width * np.array([-1.0, 1.0, -1.0, 1.0])
+    stiffness = np.repeat([p.tire_stiffness_front, p.tire_stiffness_rear], 2)
+    damping = np.repeat([p.tire_damping_front, p.tire_damping_rear], 2)
+    none, ones = np.zeros(4), np.ones(4)
+    # Rows over x, z, pitch (nose up), roll (right side up) and yaw (right side ahead), one for each wheel.
+    up = np.array([none, ones, ahead, across, none]).T
+    forward = np.array([ones, none, (p.cg_height - p.hub_height) * ones, none, across]).T
+    pushed = up - p.rolling_resistance * forward
+    hub, turn = forward.mean(axis=0), np.eye(5)[4]
+    turning = p.yaw_damping(V)
+    steering = 2.0 * np.pi * p.steering_corner_hz * turning
+    M = np.diag([p.mass, p.mass, p.pitch_inertia, p.roll_inertia, p.yaw_inertia])
+    # Summed wheel by wheel, so that the contributions of left and right cancel exactly.
+    K, C = (np.einsum("w,wi,wj->ij", tire, pushed, up) for tire in (stiffness, damping))
+    K += p.drive_stiffness * np.outer(hub, hub) + steering * np.outer(turn, turn)
+    C += p.drive_damping * np.outer(hub, hub) + turning * np.outer(turn, turn)
+    height, height_rate = pushed.T * stiffness, pushed.T * damping - forward.T * np.repeat(p.wheel_loads, 2) / V
     tau = max(p.contact_length, 1e-3) / (2.0 * np.sqrt(6.0) * V)
     inverse = np.linalg.inv(M)
     A, B, Cy = np.zeros((18, 18)), np.zeros((18, 4)), np.zeros((2, 18))
     A[:5, 5:10] = np.eye(5)
     A[5:10, :10] = -inverse @ np.hstack([K, C])
-    A[5:10, 10:] = inverse @ np.hstack([felt, felt_rate + slope_force])
+    A[5:10, 10:] = inverse @ np.hstack([height, height_rate])
     A[10:14, 14:] = np.eye(4)
-    if not 1e-150 < tau < 1e150:
-        raise ValueError(f"speed = {V:g}: a tire passes its contact patch in {tau:g} s, beyond what can be computed")
     A[14:, 10:] = np.hstack([-np.eye(4) / tau**2, -2.0 * np.eye(4) / tau])
     B[14:] = np.eye(4) / tau**2
-    for i, side in enumerate((-0.5, 0.5)):
-        Cy[i, :5] = _row(x=1.0, pitch=p.cg_height - p.boom_height, yaw=side * span)
+    Cy[:, [0, 2, 4]] = [[1.0, p.cg_height - p.boom_height, side * span] for side in (-0.5, 0.5)]
     states = (
         *_BODY,
         *(f"{name}_rate" for name in _BODY),

@@ -1,11 +1,12 @@
 """``reduce``: a smaller system by one of five methods, its error verified before it is returned."""
 
+from contextlib import suppress
 from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NO_RESPONSE, NormBounds
-from boomctl.checks import finite_array, known, positive, up_to, warn_user, whole
+from boomctl.checks import known, positive, span, up_to, warn_user, whole
 from boomctl.exceptions import LowerOrderWarning, ReductionError
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.system import Lti, of
@@ -119,7 +120,8 @@ def reduce(
         raise ValueError("order, error: expected exactly one of them")
     if order is not None and whole("order", order, 0) > _states(given):
         raise ValueError(f"order = {order}: the system has only {_states(given)} states")
-    wanted, limits = None if max_error is None else positive("max_error", max_error), _checked_range(omega_range)
+    wanted = None if max_error is None else positive("max_error", max_error)
+    limits = None if omega_range is None else span("omega_range", omega_range)
     if method == "second-order" and isinstance(given, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
@@ -158,6 +160,7 @@ def _reduced(
         smaller = replace(
             smaller, input_labels=given.input_labels, output_labels=given.output_labels, state_labels=(), scales=scales
         ).without_dots()
+    peak_omega = float(omega_of_image(result.certificate.peak_omega, system.dt))
     return ReductionResult(
         _full=given,
         _reduced=smaller,
@@ -166,9 +169,7 @@ def _reduced(
         error_bound=result.bound,
         error_norm=result.error,
         method=method,
-        certificate=replace(
-            result.certificate, peak_omega=float(omega_of_image(result.certificate.peak_omega, system.dt))
-        ),
+        certificate=replace(result.certificate, peak_omega=peak_omega),
         hankel_singular_values=reducer.values,
         retained_order=len(parts.kept.A),
         stages=stages,
@@ -193,17 +194,6 @@ def _states(system: Lti | SecondOrderModel) -> int:
     return 2 * system.ncoordinates + sum(system.ports.integrators) + filters
 
 
-def _checked_range(omega_range: object) -> Band | None:
-    if omega_range is None:
-        return None
-    limits = finite_array("omega_range", omega_range)  # type: ignore[arg-type]
-    if limits.shape != (2,) or not 0.0 <= limits[0] < limits[1]:
-        raise ValueError(
-            f"`omega_range` must be two frequencies [rad/s], nonnegative and ascending, got {omega_range!r}."
-        )
-    return float(limits[0]), float(limits[1])
-
-
 def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
     """Return the reduction of lowest order whose verified error is not above the one wanted.
 
@@ -215,14 +205,9 @@ def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti |
     best = inf
     for order in reducer.orders(error):
         tell(f"{order} states")
-        try:
+        with suppress(ValueError, ReductionError):  # A Hankel singular value repeated across the cut, or not verified.
             smaller, result = reducer.reduced(order)
-        except (
-            ValueError,
-            ReductionError,
-        ):  # a Hankel singular value repeated across the cut, or not verified: the next
-            continue
-        best = min(best, result.error)
-        if result.error <= error:
-            return smaller, result
+            best = min(best, result.error)
+            if result.error <= error:
+                return smaller, result
     raise ReductionError(f"max_error = {error:g}: the smallest verified error of any order is {best:.4g}")

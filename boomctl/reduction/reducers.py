@@ -109,10 +109,7 @@ class StateReducer(ABC):
             raise ReductionError(
                 f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
             ) from None
-        try:
-            result = verified(self.parts, stable, bound, self.band)
-        except ReductionError as reason:
-            raise ReductionError(f"order {order - len(kept.A)}: {reason}") from None
+        result = verified(self.parts, stable, bound, self.band)
         if len(kept.A):
             A = append(kept, stable).A
             stable = Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
@@ -124,14 +121,22 @@ class GramianReducer(StateReducer):
 
     def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
         super().__init__(system, parts, band)
-        self.seen = weighted(parts.stable, parts.modal, band)
-        self.form = balance(self.seen.system, self.seen.modal)
+        stable, modal = parts.stable, parts.modal
+        self.weights: tuple[Array, Array] | None = None
+        if band is not None and len(stable.A):
+            stable, modal, T, R = weighted(stable, modal, band)
+            self.weights = T, R
+        self.form = balance(stable, modal)
         self.values = self.form.values
 
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the stable part in so many states, or fewer, and a bound of the error."""
         smaller, bound = self.cut(order)
-        return self.seen.restored(smaller), bound * self.seen.factor
+        if self.weights is None:
+            return smaller, bound
+        T, R = self.weights
+        restored = Lti(smaller.A, smaller.B @ T, R @ smaller.C, self.parts.stable.D + R @ smaller.D @ T)
+        return restored, bound * float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
 
     @abstractmethod
     def cut(self, order: int) -> tuple[Lti, float]:
@@ -282,11 +287,6 @@ class ModalTruncation(StateReducer):
         return replace(chosen, D=modal.D + static), float(gone.sizes.sum())
 
 
-def _middle(band: Band) -> float:
-    """Return the middle of a band, in the logarithm [rad/s]."""
-    return float(np.sqrt(max(band[0], _CENTER * band[1]) * band[1]))
-
-
 @final
 class StrongestModes:
     """A structure in its strongest undamped modes, outputs with the static share of the others.
@@ -353,7 +353,8 @@ class StrongestModes:
         stiffness = frequencies[rest] ** 2
         if band is not None:
             inside = (frequencies[rest] >= band[0]) & (frequencies[rest] <= band[1])
-            stiffness = np.where(inside, inf, stiffness - _middle(band) ** 2)
+            middle = np.sqrt(max(band[0], _CENTER * band[1]) * band[1])  # in the logarithm
+            stiffness = np.where(inside, inf, stiffness - middle**2)
         static = (model.ports.L[0] @ V[:, rest] / stiffness) @ (V[:, rest].T @ model.ports.B[0])
         ports = model.ports.congruent(V[:, kept])
         E = ports.E.copy()
@@ -374,38 +375,18 @@ def _same(one: Lti, other: Lti) -> bool:
     return True
 
 
-@dataclass(frozen=True)
-class Weighted:
-    """A system seen through a band: ``G = D + R G_1 T``; an error of ``G_1`` counts ``factor`` times at most.
+def weighted(system: Lti, modal: ModalSystem | None, band: Band) -> tuple[Lti, ModalSystem | None, Array, Array]:
+    """Return a system weighted to a frequency range, its modes, and ``T`` and ``R`` with ``G = D + R G_1 T``.
 
-    The Gramians of a band belong to loads ``X = S B B^T + B B^T S^T`` that may be indefinite.  Their absolute value,
-    ``|X| = B_1 B_1^T``, gives a system ``(A, B_1, C_1)`` whose reduction is stable and bounded as any, and of which the
-    given one is a part: ``B = B_1 T``, ``C = R C_1``.
-    """
-
-    system: Lti
-    modal: ModalSystem | None
-    R: Array
-    T: Array
-    D: Array
-    factor: float
-
-    def restored(self, reduced: Lti) -> Lti:
-        """Return the reduced system between the signals of the given one."""
-        return Lti(reduced.A, reduced.B @ self.T, self.R @ reduced.C, self.D + self.R @ reduced.D @ self.T)
-
-
-def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weighted:
-    """Return a stable system as its band sees it; without a band, itself.
+    The Gramians of a range belong to loads ``X = S B B^T + B B^T S^T`` that may be indefinite.  Their absolute value,
+    ``|X| = B_1 B_1^T``, gives a system ``G_1 = (A, B_1, C_1)`` whose reduction is stable and bounded, and with
+    ``B = B_1 T``, ``C = R C_1``.
 
     Raises
     ------
     ValueError
-        The band is so far from all poles that it does not show the system.
+        If the range is so far from all poles that the system has almost no response there.
     """
-    zero = np.zeros_like(system.D)
-    if band is None or not len(system.A):
-        return Weighted(system=system, modal=modal, R=np.eye(len(zero)), T=np.eye(zero.shape[1]), D=zero, factor=1.0)
     S = band_integral(system, modal, band)
     B = _absolute(S @ system.B @ system.B.T)
     C = _absolute(S.T @ system.C.T @ system.C).T
@@ -417,12 +398,10 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band | None) -> Weigh
             "no response there."
         )
     zero = np.zeros((C.shape[0], B.shape[1]))
-    own = None
     if modal is not None:
         J = modal.mixing
-        own = ModalSystem(modal.poles, J.conj().T @ B, C @ J, zero)
-    factor = float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
-    return Weighted(system=Lti(system.A, B, C, zero), modal=own, R=R, T=T, D=system.D, factor=factor)
+        modal = ModalSystem(modal.poles, J.conj().T @ B, C @ J, zero)
+    return Lti(system.A, B, C, zero), modal, T, R
 
 
 def _absolute(half: Array) -> Array:

@@ -116,21 +116,12 @@ class ReductionResult:
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved."""
-        full, reduced, upper = of(self._full, sampled=True), of(self._reduced, sampled=True), self.error_norm
-        structure = isinstance(self._full, SecondOrderModel)
-        stands = "the state space that stands for the structure" if structure else ""
-        if self.retained_order:  # the response near their poles is what it is, whatever happens to the last digits
+        full, reduced = of(self._full, sampled=True), of(self._reduced, sampled=True)
+        stands = "the state space that stands for the structure" if isinstance(self._full, SecondOrderModel) else ""
+        if self.retained_order:  # The response near their poles is exact, regardless of the last digits.
             stands = "states that are kept as they are, but for rounding"
-        norm = (0.0, upper, self.certificate.peak_omega)
-        yield Claim(
-            "the error",
-            full,
-            minus=reduced,
-            stable=None if self.retained_order else True,
-            norm=norm,
-            band=self.omega_range,
-            rounded=stands,
-        )
+        norm, stable = (0.0, self.error_norm, self.certificate.peak_omega), None if self.retained_order else True
+        yield Claim("the error", full, None, reduced, stable, norm, band=self.omega_range, rounded=stands)
 
     def __repr__(self) -> str:
         ends = between(self._reduced.input_labels, self._reduced.output_labels)

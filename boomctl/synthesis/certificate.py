@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from math import inf, isfinite, nan
+from math import inf, nan
 from typing import TYPE_CHECKING
 
 from boomctl.analysis.norm import NormBounds
@@ -18,24 +18,6 @@ if TYPE_CHECKING:
 # Methods of a norm on a full plant that is not available.
 NOT_COMPUTED = "not computed"
 UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
-
-
-def norm_there(norm: NormBounds, lead: str) -> str:
-    """Return a norm on a full plant as text, empty if it was not computed."""
-    if norm.method == NOT_COMPUTED:
-        return ""
-    if norm.method == UNDEFINED:
-        return f"{lead}cost there is {UNDEFINED}"
-    if norm.kind == "h2":
-        return f"{lead}H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({trust(norm)})"
-    if isfinite(norm.upper_bound):
-        return f"{lead}norm there is {norm.upper_bound:.6g}"
-    return f"{lead}norm there is at least {norm.lower_bound:.6g} ({norm.method})"
-
-
-def trust(norm: NormBounds) -> str:
-    """Return how much a norm can be trusted, as text."""
-    return "verified" if norm.verified else "not verified"
 
 
 class Design:
@@ -201,11 +183,7 @@ class DesignCertificate:
     @property
     def _on_full_plant(self) -> str:
         """Line of the ``repr`` of a design about the loop on the full plant; empty if nothing was reduced."""
-        if self.full_plant is None:
-            return ""
-        known, judged = {True: "stable", False: "UNSTABLE", None: "not proved"}, self.full_plant
-        there = norm_there(judged.norm_bounds, "; ") if judged.stable else ""
-        return f"\n  {known[judged.stable]} on the full plant{there}"
+        return "" if self.full_plant is None else f"\n  {self.full_plant.summary}"
 
     @property
     def optimality_gap(self) -> float:

@@ -17,7 +17,7 @@ from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.certificate import Design
-from boomctl.synthesis.hinf.candidates import Candidate, largest_pole, verified_candidate, without_fast_poles
+from boomctl.synthesis.hinf.candidates import largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 from boomctl.threads import one_blas_thread
 
@@ -129,15 +129,17 @@ def reduce_controller(
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"`order` must be at most {len(K.A)}, that of the controller, got {order}.")
-    full = verified_candidate(plant, K, np.inf)
-    if isinstance(full, str):
-        raise SynthesisError(f"The controller cannot be reduced: {full}.")
+    try:
+        full = verified_candidate(plant, K, np.inf)
+    except ValueError as error:
+        raise SynthesisError(f"The controller cannot be reduced: {error}.") from None
     if largest_pole(K) > limit:
-        slower = without_fast_poles(K, limit)
-        result = "they cannot be split off" if slower is None else verified_candidate(plant, slower, np.inf)
-        if slower is None or isinstance(result, str):  # it must stabilize, or nothing can be balanced
-            raise SynthesisError(f"The controller needs its poles above {limit:.3g} rad/s: without them, {result}.")
-        K = slower
+        try:  # The controller must stabilize: nothing can be balanced otherwise.
+            K = verified_candidate(plant, without_fast_poles(K, limit), np.inf).K
+        except ValueError as error:
+            raise SynthesisError(
+                f"The controller needs its poles above {limit:.3g} rad/s: without them, {error}."
+            ) from None
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
@@ -147,20 +149,22 @@ def reduce_controller(
         if largest_pole(smaller) > limit:
             rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
             continue
-        result = verified_candidate(plant, smaller, allowed)
-        if isinstance(result, Candidate):
-            return ReducedController(
-                _controller=replace(result.K, scales=plant.system.scales),
-                _closed_loop=result.loop,
-                order=len(result.K.A),
-                gamma=result.norm.lower_bound,
-                gamma_full=full.norm.lower_bound,
-                norm_bounds=result.norm,
-                fastest_pole=largest_pole(result.K),
-                method=method,
-                singular_values=values,
-            )
-        rejected = result
+        try:
+            result = verified_candidate(plant, smaller, allowed)
+        except ValueError as error:
+            rejected = str(error)
+            continue
+        return ReducedController(
+            _controller=replace(result.K, scales=plant.system.scales),
+            _closed_loop=result.loop,
+            order=len(result.K.A),
+            gamma=result.norm.lower_bound,
+            gamma_full=full.norm.lower_bound,
+            norm_bounds=result.norm,
+            fastest_pole=largest_pole(result.K),
+            method=method,
+            singular_values=values,
+        )
     which = "any order" if order is None else f"order {order}"
     raise SynthesisError(f"No controller of {which} has a closed loop with a norm below {allowed:.6g}: {rejected}.")
 

@@ -8,7 +8,7 @@ from scipy import linalg, stats
 
 from boomctl import h_infinity
 from boomctl.analysis import sum_over_modes
-from boomctl.analysis.norm import axis_eigenvalues, level_norm, matrices_norm
+from boomctl.analysis.norm import hamiltonian_matrix, level_norm, matrices_norm, near_axis
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.system import Lti, of
@@ -31,11 +31,16 @@ def resonances(seed):
     return system, omega, float(np.abs(system.response(near, quiet=True)[0, 0]).max())
 
 
+def crossings(system, level):
+    """Return the number of frequencies at which a singular value may equal a level."""
+    return sum(map(len, near_axis(hamiltonian_matrix(system, level))))
+
+
 @given(seed=st.integers(0, 10**6))
 @examples(300)
 def test_no_level_below_a_second_peak_is_one_that_nothing_reaches(seed):
     system, _, peak = resonances(seed)
-    assert all(len(axis_eigenvalues(system, peak * (1.0 - below))) for below in (1e-2, 1e-3, 1e-4))
+    assert all(crossings(system, peak * (1.0 - below)) for below in (1e-2, 1e-3, 1e-4))
     assert level_norm(system).upper_bound >= peak * (1.0 - 1e-9)
 
 
@@ -114,4 +119,4 @@ def test_no_level_below_a_flat_top_is_one_that_nothing_reaches(seed):
     gains = singular_values(loop.response(omega, quiet=True))[0]
     for below in (1e-5, 1e-4, 1e-3):
         level = gains.max() * (1.0 - below)
-        assert len(axis_eigenvalues(loop, level))
+        assert crossings(loop, level)

@@ -46,10 +46,12 @@ def test_a_file_may_state_the_distance_of_the_actuators(tmp_path):
     assert bc.read_motion(silent).actuator_distance == bc.BoomParameters().actuator_distance
     assert bc.read_motion(silent, 2.0).actuator_distance == 2.0
     for wrong in ("0", "-1", "nan", "wide", "", "1_0", "2 m"):
-        with pytest.raises(ValueError, match=r"motion\.csv, line 1: actuator_distance_m: expected a number above zero"):
+        with pytest.raises(
+            ValueError, match=r"motion\.csv, line 1: expected one '# actuator_distance_m = \.\.\.', above zero, got"
+        ):
             bc.read_motion(written(tmp_path, f"# actuator_distance_m = {wrong}\n{columns}"))
     twice = written(tmp_path, "# actuator_distance_m = 1\n" * 2 + columns)
-    with pytest.raises(ValueError, match=r"line 2: actuator_distance_m is there twice, the first time in line 1"):
+    with pytest.raises(ValueError, match=r"line 2: expected one '# actuator_distance_m = \.\.\.'"):
         bc.read_motion(twice)
 
 
@@ -69,7 +71,9 @@ def test_a_distance_of_the_actuators_is_read_or_refused_and_never_passed_over(tm
         st.sampled_from(["_mm =", "_m:", " [m] =", ":", " = ", "_cm=", " "])
     )
     path.write_text(f"# shaker\n# {other} {1000.0 * distance!r}\n{_COLUMNS}")
-    with pytest.raises(ValueError, match=r"motion\.csv, line 2: expected '# actuator_distance_m = \.\.\.', got"):
+    with pytest.raises(
+        ValueError, match=r"motion\.csv, line 2: expected one '# actuator_distance_m = \.\.\.', above zero, got"
+    ):
         bc.read_motion(path)
     path.write_text(f"# distance of the actuators as in the drawing\n# distance {distance!r}\n{_COLUMNS}")
     assert bc.read_motion(path).actuator_distance == bc.BoomParameters().actuator_distance

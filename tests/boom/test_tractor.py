@@ -177,6 +177,16 @@ SLOW = replace(P, steering_corner_hz=2e-4)
 ROUND = bc.iso_track("C", 40.0, 3, spacing=0.04, wave_number_range=(0.05, 3.0), periodic=True)
 
 
+def test_samples_may_be_farther_apart_than_motion_takes_to_settle():
+    """At a crawl, on tires that feel every wave, the motion is that of a track with ends."""
+    track = bc.iso_track("C", 40.0, 3, spacing=0.04, wave_number_range=(0.05, 3.0), periodic=True)
+    sharp = replace(P, contact_length=0.0)
+    motion = bc.platform_motion(track, sharp, speed=1e-4, sample_time=200.0)
+    ended = bc.platform_motion(replace(track, periodic=False), sharp, speed=1e-4, sample_time=200.0)
+    count = len(ended.left) - 1
+    assert motion.left[1:count] == pytest.approx(ended.left[1:count], abs=1e-3 * motion.left.std())
+
+
 def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
     """The time it takes to forget the start is 100 rounds; driven once more, the motion is the same."""
     once = bc.platform_motion(ROUND, SLOW, 2.0, sample_time=0.02)

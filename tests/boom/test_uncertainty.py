@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.boom import BoomParameters, boom_family, spray_boom, yaw_family
-from boomctl.boom.families import scaled_boom, spring_family
+from boomctl.boom.families import family_of, scaled_boom
 from tests.profiles import examples
 
 factors = st.floats(-1.0, 1.0)
@@ -51,7 +51,10 @@ def test_springs_go_up_to_those_of_the_measured_yaw_whatever_the_dampers():
     with pytest.raises(ValueError, match="frequency_hz"):
         yaw_family(damped, subsystem="yaw")
     stiffest = float(yaw_family().high[0])
-    one, other = (spring_family(p, stiffest, half="yaw", elements=6) for p in (BoomParameters(), damped))
+    one, other = (
+        family_of({"spring_stiffness": (p.spring_stiffness, stiffest)}, p.replace, "yaw")
+        for p in (BoomParameters(), damped)
+    )
     assert one.high == other.high == stiffest
     for delta in (-1.0, 1.0):
         assert np.allclose(one.at([delta]).K, other.at([delta]).K)

@@ -110,7 +110,7 @@ REFUSED = [
             free=["boom_mass"],
             initial={"boom_mass": 30.0},
         ),
-        "boom_mass = 30: expected at least that of the tube",
+        "`boom_mass` must be at least that of the tube",
     ),
     (lambda: fit_boom(data=control.frd([1.0, np.nan], [1.0, 2.0])), "expected finite"),
     # records

@@ -129,7 +129,7 @@ def test_repr_with_omega_range_names_range_and_unit():
         ({"order": 2, "max_error": 0.1}, "exactly one"),
         ({"order": 2, "method": "balancd"}, "did you mean 'balanced'"),
         ({"order": 2, "omega_range": (3.0, 1.0)}, "ascending"),
-        ({"order": 2, "omega_range": (1.0, 2.0, 3.0)}, "two frequencies"),
+        ({"order": 2, "omega_range": (1.0, 2.0, 3.0)}, "two nonnegative numbers"),
         (
             {"order": 2, "omega_range": (1.0, 2.0), "method": "hankel"},
             "^`omega_range` must be None for method 'hankel'",

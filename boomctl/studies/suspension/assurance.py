@@ -20,7 +20,7 @@ from boomctl.analysis.nyquist import nyquist_stability
 from boomctl.analysis.sigma import SigmaResult, sigma
 from boomctl.arrays import Array
 from boomctl.boom.exact import exact_frequency_response
-from boomctl.boom.families import boom_family, scaled_boom, spring_family, spring_for_yaw
+from boomctl.boom.families import boom_family, family_of, scaled_boom, spring_for_yaw
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.exceptions import MarginLossWarning
@@ -107,8 +107,8 @@ class Examined(InField):
         """
         dampers = {name: getattr(BoomParameters(), name) for name in ("cradle_damping", "hinge_damping")}
         stiffest = spring_for_yaw(replace(self.p, **dampers), MEASURED_YAW_HZ, FAMILY_ELEMENTS)
-        band = self.scene.accelerometer_bandwidth_hz
-        stiffer = spring_family(self.p, stiffest, half="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=band)
+        band, springs = self.scene.accelerometer_bandwidth_hz, {"spring_stiffness": (self.p.spring_stiffness, stiffest)}
+        stiffer = family_of(springs, self.p.replace, "yaw", "finite", FAMILY_ELEMENTS, "displacement", band)
         stable = robust_stability(stiffer, K)
         name = f"yaw frequency from Table 2 to the measured {MEASURED_YAW_HZ:g} Hz"
         return Finding(name, stable.summary, stable, stable.proved)

@@ -25,7 +25,6 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 FIRST_LEVEL = 0.95  # Excess of the first level over the lower bound, relative to rtol. The rest is for rounding errors.
 _SEARCH_RTOL = 0.25  # Accuracy of the lowest level, relative to rtol.
 _SECANT_MARGIN = 0.5  # Excess of a level over the secant, relative to rtol and slope, so that it is reached.
-_UNCOUPLED = 0.5  # The coupling does not limit the level if the radius is below this fraction of it.
 _FIRST_GROWTH, _MAX_GROWTH = 1.1, 1e10  # Growth of the first levels, squared with each one that is not reached.
 _MAX_LEVELS = 70  # Every third one halves the interval; 20 halvings reduce a ratio of 1e9 to 1 + 2e-5.
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
@@ -99,8 +98,7 @@ def lowest_level(
 ) -> tuple[Bounds, Level]:
     """Return the lowest level that is reached, within ``rtol`` of its lower bound, and its Riccati solutions.
 
-    If the coupling sets it, it is accurate to a quarter of ``rtol``. If ``wanted`` is given, the search continues until
-    that level is reached or excluded.
+    If ``wanted`` is given, the search continues until that level is reached or excluded.
 
     Raises
     ------
@@ -131,31 +129,29 @@ def _bisected(
 
     The levels grow until one is reached. Then the interval is divided at the secant or, every third time, halved.
     """
-    size = _gain(ready)
-    low, high, growth, tolerance = max(frequency, relaxed.radius), np.inf, _FIRST_GROWTH, _SEARCH_RTOL * rtol
-    levels, base, first = [relaxed], low or size, 0
+    size, tolerance = _gain(ready), _SEARCH_RTOL * rtol
+    low, high, levels = max(frequency, relaxed.radius), np.inf, [relaxed]
+    base, growth = low or size, _FIRST_GROWTH
     gamma = base * (1.0 + FIRST_LEVEL * rtol)
     while len(levels) <= _MAX_LEVELS:
         deadline.check("searching for the lowest level")
         level = level_of(ready, gamma)
         levels.append(level)
-        low = max(low, gamma if level.reason else level.radius)  # the radius grows as the level falls
-        secant = _secant(levels, tolerance)
-        if not level.reason:
-            first, high = (len(levels) if np.isinf(high) else first), min(high, gamma)
-            if high <= min(frequency * (1.0 + rtol), wanted) and level.radius <= _UNCOUPLED * high:
-                break
-        if np.isinf(high):
-            if growth > _MAX_GROWTH:
-                raise SynthesisError(f"No level up to {gamma:.3g} is reached: {level.reason}.")
-            limit = level.radius * (1.0 + _COUPLED_RTOL)  # is reached, if only the coupling fails
-            gamma = float(np.nanmin([growth * base, limit, secant if len(levels) == 2 and secant > low else np.nan]))
-            growth **= 2
-            continue
-        if high <= max(low * (1.0 + tolerance), _ZERO_LEVEL * size) and not low < wanted < high:
+        low, high = max(low, gamma if level.reason else level.radius), high if level.reason else min(high, gamma)
+        near = max(low * (1.0 + tolerance), min(frequency * (1.0 + rtol), wanted), _ZERO_LEVEL * size)
+        if high <= near and not low < wanted < high:
             break
-        middle = float(np.sqrt(max(low, 1e-3 * high) * high))  # three decades, if there is no lower bound
-        gamma = secant if low < secant < high and (len(levels) - first) % 3 < 2 else middle
+        secant = _secant(levels, tolerance)
+        if np.isfinite(high):
+            middle = float(np.sqrt(max(low, 1e-3 * high) * high))  # three decades, if there is no lower bound
+            gamma = secant if low < secant < high and len(levels) % 3 else middle
+            continue
+        if growth > _MAX_GROWTH:
+            raise SynthesisError(f"No level up to {gamma:.3g} is reached: {level.reason}.")
+        first = secant if len(levels) == 2 and secant > low else np.nan
+        # The radius of a level that only the coupling excludes is reached.
+        gamma = float(np.nanmin([growth * base, level.radius * (1.0 + _COUPLED_RTOL), first]))
+        growth **= 2
     return levels
 
 

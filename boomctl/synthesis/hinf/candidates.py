@@ -1,5 +1,6 @@
 """The H-infinity controller of the lowest level that passes two tests: slow enough poles, and a verified closed loop."""
 
+from bisect import bisect_left
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,11 +21,9 @@ _WANTED_LEVELS = (0.9999, 0.99)  # Levels below a wanted norm; the second one le
 # Excess of the first levels over the lower bound, relative to rtol. The nearer one has faster poles, further from those
 # that are retained if they are residualized.
 _FIRST_LEVELS = (FIRST_LEVEL, 0.5)
-# Growth of the excess over the lower bound until a controller passes, from a level that leaves enough for rounding.
-_GROWTH, _LEAST_EXCESS = 2.0, 0.01
 # Largest excess over the lower bound with poles below the default limit, and with no limit or one that the user set.
 _MAX_EXCESS, _MAX_EXCESS_STRICT = 1.0, 100.0
-_BISECTIONS = 4  # Of the last growth of the excess.
+_LEVELS = 255  # Between rtol and the largest excess; bisection takes eight of them.
 
 
 @dataclass(frozen=True)
@@ -80,27 +79,21 @@ def lowest_controller(task: Task, strict: bool) -> Candidate:
 
 
 def _lowest(task: Task, max_excess: float, log: list[str]) -> Candidate | None:
-    """Return the first controller that passes as the level grows, or that of a lower level by bisection after that."""
+    """Return the controller of the lowest level that passes, by bisection if those near the lower bound do not."""
+    passed: dict[float, Candidate] = {}
+
+    def passes(level: float) -> bool:
+        candidate = _controller_of_level(task, level, log)
+        if candidate is not None:
+            passed[level] = candidate
+        return candidate is not None
+
     if task.wanted is not None:
-        levels = sorted({max(task.wanted * share, task.bounds.reached) for share in _WANTED_LEVELS}, reverse=True)
-        candidates = (_controller_of_level(task, level, log) for level in levels)
-        return next((candidate for candidate in candidates if candidate is not None), None)
-    result: Candidate | None = None
-    for share in _FIRST_LEVELS:
-        result = _controller_of_level(task, task.level(share * task.rtol), log)
-        if result is not None:
-            return result
-    failed = excess = FIRST_LEVEL * task.rtol
-    while result is None and excess < max_excess:
-        failed, excess = excess, min(max(_GROWTH * excess, _LEAST_EXCESS), max_excess)
-        result = _controller_of_level(task, task.level(excess), log)
-    if result is None:
-        return None
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (failed + excess)
-        better = _controller_of_level(task, task.level(middle), log)
-        failed, excess, result = (failed, middle, better) if better is not None else (middle, excess, result)
-    return result
+        any(passes(max(task.wanted * share, task.bounds.reached)) for share in _WANTED_LEVELS)
+    elif not any(passes(task.level(share * task.rtol)) for share in _FIRST_LEVELS):
+        levels = [task.level(excess) for excess in np.geomspace(task.rtol, max_excess, _LEVELS)]
+        bisect_left(levels, True, key=passes)
+    return passed[min(passed)] if passed else None
 
 
 def _controller_of_level(task: Task, gamma: float, log: list[str]) -> Candidate | None:
@@ -109,18 +102,15 @@ def _controller_of_level(task: Task, gamma: float, log: list[str]) -> Candidate 
     name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
     try:
         K = _controller(task, gamma)
-    except (ValueError, np.linalg.LinAlgError) as error:
+        if (speed := largest_pole(K)) > task.fastest:
+            log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")
+            name, K = f"{name}, fast poles residualized", without_fast_poles(K, task.fastest)
+        result = verified_candidate(task.plant, K, task.wanted or (1.0 + _NORM_RTOL) * gamma)
+    except ValueError as error:  # Also `numpy.linalg.LinAlgError`.
         log.append(f"{name} {level}: {error}")
         return None
-    if (speed := largest_pole(K)) > task.fastest:
-        log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")
-        slower = without_fast_poles(K, task.fastest)
-        if slower is None:
-            return None
-        name, K = f"{name}, fast poles residualized", slower
-    result = verified_candidate(task.plant, K, task.wanted or (1.0 + _NORM_RTOL) * gamma)
-    log.append(f"{name} {level}: {result if isinstance(result, str) else 'passed'}")
-    return None if isinstance(result, str) else result
+    log.append(f"{name} {level}: passed")
+    return result
 
 
 def _controller(task: Task, gamma: float) -> Lti:
@@ -128,7 +118,7 @@ def _controller(task: Task, gamma: float) -> Lti:
 
     Raises
     ------
-    ValueError, numpy.linalg.LinAlgError
+    ValueError
         If the level is not reached, or if the controller is not finite or its loop not well-posed.
     """
     ready, D22 = task.ready, task.plant.D22
@@ -148,31 +138,38 @@ def largest_pole(K: Lti) -> float:
     return float(np.abs(K.poles).max(initial=0.0))
 
 
-def without_fast_poles(K: Lti, fastest: float) -> Lti | None:
-    """Return a controller with the poles above a magnitude [rad/s] replaced by their static gain; None if inseparable."""
-    try:
-        parts = split(K, np.abs(K.poles) > fastest)
-        fast, slow = parts.kept, parts.rest
-        D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
-    except (np.linalg.LinAlgError, ValueError):
-        return None
-    slower = replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, state_labels=())
-    return slower if all(np.isfinite(part).all() for part in (slower.B, slower.C, slower.D)) else None
+def without_fast_poles(K: Lti, fastest: float) -> Lti:
+    """Return a controller with the poles above a magnitude [rad/s] replaced by their static gain.
+
+    Raises
+    ------
+    ValueError
+        If these poles cannot be separated.
+    """
+    parts = split(K, np.abs(K.poles) > fastest)
+    fast, slow = parts.kept, parts.rest
+    D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
+    if not all(np.isfinite(part).all() for part in (slow.B, slow.C, D)):
+        raise ValueError("fast poles cannot be separated")
+    return replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, state_labels=())
 
 
-def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate | str:
-    """Return a controller whose loop is stable, with a verified norm up to ``limit``; otherwise the reason."""
-    try:
-        parts = ClosedLoop(plant.system, K)
-        loop = parts.system
-    except ValueError as error:
-        return str(error)
+def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate:
+    """Return a controller whose loop is stable, with a verified norm up to ``limit``.
+
+    Raises
+    ------
+    ValueError
+        If the controller does not pass, with the reason.
+    """
+    parts = ClosedLoop(plant.system, K)
+    loop = parts.system
     abscissa = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))
     if abscissa >= 0.0:
-        return f"its loop has a pole with real part {abscissa:.3g} rad/s"
+        raise ValueError(f"its loop has a pole with real part {abscissa:.3g} rad/s")
     norm = matrices_norm(parts)
     if not norm.verified:
-        return f"the norm of its loop could not be verified ({norm.method})"
+        raise ValueError(f"the norm of its loop could not be verified ({norm.method})")
     if norm.upper_bound > limit or norm.lower_bound == np.inf:
-        return f"its loop has norm {norm.lower_bound:.6g}, more than {limit:.6g}"
+        raise ValueError(f"its loop has norm {norm.lower_bound:.6g}, more than {limit:.6g}")
     return Candidate(K, loop, norm, abscissa)

@@ -61,9 +61,9 @@ class HInfinityResult(Summarized, Design):
     gamma: float
     certificate: DesignCertificate
     gamma_bounds: Bounds
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
-    _rtol: float = field(default=np.inf, repr=False, compare=False)
-    elapsed: float = field(default=0.0, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
+    _rtol: float = field(repr=False, compare=False)
+    elapsed: float = field(repr=False, compare=False)
 
     @property
     def success(self) -> bool:
@@ -74,10 +74,8 @@ class HInfinityResult(Summarized, Design):
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield replace(
-                self.certificate.norm_bounds._claim("the closed loop", self._plant, self._controller), stable=True
-            )
+        claim = self.certificate.norm_bounds._claim("the closed loop", self._plant, self._controller)
+        yield replace(claim, stable=True)
 
     def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
         """Plot the singular values of the closed loop, its norm and the lower bound for all controllers.
@@ -195,16 +193,8 @@ def h_infinity(
             bounds, reached = lowest_level(ready, rtol, deadline, wanted)
             if wanted is not None and wanted < bounds.lower:
                 raise SynthesisError(f"`gamma` = {wanted:.6g} cannot be reached: {bounds.why}.")
-            task = Task(
-                plant=plant,
-                ready=ready,
-                bounds=bounds,
-                reached=reached,
-                fastest=allowed if allowed is not None else (_MAX_SPEED * bounds.band or np.inf),
-                rtol=rtol,
-                deadline=deadline,
-                wanted=wanted,
-            )
+            fastest = allowed if allowed is not None else (_MAX_SPEED * bounds.band or np.inf)
+            task = Task(plant, ready, bounds, reached, fastest, rtol, deadline, wanted)
             candidate = lowest_controller(task, strict=allowed is not None)
         except OutOfTimeError as over:
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
@@ -213,12 +203,8 @@ def h_infinity(
         if discrete:
             candidate, summary = _on_circle(given, candidate), f"{summary}; verified again on the unit circle"
             bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, given.system.dt)))
-        K = replace(
-            candidate.K,
-            input_labels=given.measurements,
-            output_labels=given.controls,
-            scales=given.system.scales,
-        )
+        labels = {"input_labels": given.measurements, "output_labels": given.controls}
+        K = replace(candidate.K, **labels, scales=given.system.scales)
         certificate = DesignCertificate(
             norm_bounds=candidate.norm,
             spectral_abscissa=candidate.abscissa,
@@ -249,15 +235,11 @@ def _on_circle(plant: GeneralizedPlant, image: Candidate) -> Candidate:
     SynthesisError
         If the loop on the unit circle is not that of the image.
     """
-    result: Candidate | str
     try:
         K = discrete_image(image.K, plant.system.dt)
-    except ValueError as error:
-        result = str(error)
-    else:
         result = verified_candidate(plant, K, (1.0 + _MAP_RTOL) * image.norm.upper_bound)
-    if isinstance(result, str):
-        raise SynthesisError(f"The controller could not be mapped to discrete time: {result}.")
+    except ValueError as error:
+        raise SynthesisError(f"The controller could not be mapped to discrete time: {error}.") from None
     return replace(result, stages=(*image.stages, "mapped to the unit circle"))
 
 

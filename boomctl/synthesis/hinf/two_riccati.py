@@ -21,37 +21,29 @@ _MIN_WELL_POSEDNESS = 1e-3
 COUPLING = "state feedback and estimation together do not reach it (rho(XY) >= gamma^2)"
 
 
-@dataclass(frozen=True)
-class _RiccatiEquation:
-    """``F'X + X F - X G X + Q = 0``, and the gain ``constant + linear X`` of the worst disturbance and the best control."""
-
-    F: Array
-    G: Array
-    Q: Array
-    constant: Array
-    linear: Array
-
-    def gain(self, X: Array) -> Array:
-        """Return the gain over the states: rows of the disturbances, then of the controls."""
-        return self.constant + self.linear @ X
-
-
-def _riccati_equation(plant: GeneralizedPlant, gamma: float) -> _RiccatiEquation:
-    """Return the state-feedback equation of a plant with ``D12 = [0; I]``; an infinite level gives that of H2."""
-    free, B2 = plant.nz - plant.ncon, plant.B2
-    D, direct, C, C12 = plant.D11[:free], plant.D11[free:], plant.C1[:free], plant.C1[free:]
-    identity = np.eye(plant.nw)
+def _disturbance_terms(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Array, Array]:
+    """Return ``W, E, S`` of the worst disturbance ``w = W (S + E' X) x`` of a plant with ``D12 = [0; I]`` at a level."""
+    free = plant.nz - plant.ncon
+    D, identity = plant.D11[:free], np.eye(plant.nw)
     weight = np.zeros_like(identity) if np.isinf(gamma) else np.linalg.inv(gamma**2 * identity - D.T @ D)
-    entry = plant.B1 - B2 @ direct
-    through = D.T @ C
-    weighted, worst = weight @ through, weight @ entry.T
-    return _RiccatiEquation(
-        F=plant.A - B2 @ C12 + entry @ weighted,
-        G=B2 @ B2.T - entry @ worst,
-        Q=C.T @ C + through.T @ weighted,
-        constant=np.vstack([weighted, -C12 - direct @ weighted]),
-        linear=np.vstack([worst, -B2.T - direct @ worst]),
-    )
+    return weight, plant.B1 - plant.B2 @ plant.D11[free:], D.T @ plant.C1[:free]
+
+
+def _riccati_equation(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Array, Array]:
+    """Return ``F, G, Q`` of the state-feedback equation ``F'X + X F - X G X + Q = 0``; an infinite level gives that of H2."""
+    free, B2 = plant.nz - plant.ncon, plant.B2
+    C, C12 = plant.C1[:free], plant.C1[free:]
+    weight, entry, through = _disturbance_terms(plant, gamma)
+    weighted = weight @ through
+    return plant.A - B2 @ C12 + entry @ weighted, B2 @ B2.T - entry @ weight @ entry.T, C.T @ C + through.T @ weighted
+
+
+def _gain(plant: GeneralizedPlant, gamma: float, X: Array) -> Array:
+    """Return the gain of the worst disturbance and the best control over the states, in this order."""
+    free = plant.nz - plant.ncon
+    weight, entry, through = _disturbance_terms(plant, gamma)
+    worst = weight @ (through + entry.T @ X)
+    return np.vstack([worst, -plant.C1[free:] - plant.B2.T @ X - plant.D11[free:] @ worst])
 
 
 @dataclass(frozen=True)
@@ -83,7 +75,7 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     """Solve the two Riccati equations at a level; ``inf`` gives those of H2."""
     solutions = []
     for plant, name, given in ((ready, "X", "with all states measured"), (ready.dual, "Y", "with all states actuated")):
-        solution = _stabilizing(_riccati_equation(plant, gamma))
+        solution = _stabilizing(*_riccati_equation(plant, gamma))
         if solution is None:
             return Level(gamma, f"{given}, no controller reaches it (no stabilizing {name})")
         values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
@@ -97,14 +89,14 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     return Level(gamma, COUPLING if radius >= gamma else "", radius, min(radius, gamma), X, Y)
 
 
-def _stabilizing(equation: _RiccatiEquation) -> Array | None:
+def _stabilizing(F: Array, G: Array, Q: Array) -> Array | None:
     """Return the stabilizing solution from the stable subspace of the Hamiltonian matrix; None if there is none."""
-    n = len(equation.F)
+    n = len(F)
     if n == 0:
         return np.zeros((0, 0))
-    norm_g, norm_q = np.linalg.norm(equation.G), np.linalg.norm(equation.Q)
+    norm_g, norm_q = np.linalg.norm(G), np.linalg.norm(Q)
     scale = np.sqrt(norm_q / norm_g) if norm_g > 0.0 and norm_q > 0.0 else 1.0
-    hamiltonian = blocks([[equation.F, -equation.G * scale], [-equation.Q / scale, -equation.F.T]])
+    hamiltonian = blocks([[F, -G * scale], [-Q / scale, -F.T]])
     if not np.isfinite(hamiltonian).all():
         return None
     try:
@@ -125,8 +117,7 @@ def gains(ready: NormalizedPlant, level: Level) -> tuple[Array, Array]:
     """
     if level.X is None or level.Y is None:
         raise ValueError(f"The level {level.gamma:g} is not reached: {level.reason}.")
-    F = _riccati_equation(ready, level.gamma).gain(level.X)
-    return F, _riccati_equation(ready.dual, level.gamma).gain(level.Y).T
+    return _gain(ready, level.gamma, level.X), _gain(ready.dual, level.gamma, level.Y).T
 
 
 def suboptimal_controller(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:

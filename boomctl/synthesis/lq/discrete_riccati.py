@@ -5,29 +5,28 @@ Schur vectors of the extended pencil (Van Dooren 1981, SciPy), then by Newton's 
 in extended precision.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import EPS, TINY
+from boomctl.lti.rounding import EPS
 from boomctl.lti.system import rates_of
 from boomctl.synthesis.lq.riccati import (
     MAX_EXTENDED,
     RiccatiProblem,
     RiccatiSolution,
-    accepted,
+    assessed,
+    best_solution,
     even,
-    scaled_norm,
+    refined,
     solve_riccati,
 )
 
-# Newton steps. Four yield all digits from one; before that, each reduces the excess of the cost by three quarters.
-_MAX_STEPS = 40
-_NEAR = 0.5  # Cost error below which Newton's method converges quadratically, and X is a scale of the states.
-_SOLVED = 1e-13  # Newton's method ends at this cost error.
 _MAX_DOUBLINGS = 64  # A pole within one ulp of the unit circle has decayed after 57.
 
 
@@ -77,22 +76,20 @@ def solve_discrete_riccati(problem: RiccatiProblem, what: str = "Riccati equatio
     SynthesisError
         If no solution is found, or if it is not accurate enough.
     """
-    best: RiccatiSolution | None = None
-    stages: list[str] = []
-    for name, solver in _SOLVERS.items():
-        stages.append(name)
+    return best_solution(_solutions(problem), what)
+
+
+def _solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
+    for name, solver in (
+        ("structure-preserving doubling", _by_doubling),
+        ("SciPy, extended pencil", _by_schur_vectors),
+    ):
         try:
             with np.errstate(over="ignore", invalid="ignore"):  # of what is not stabilized
-                X = solver(problem)
-        except (linalg.LinAlgError, ValueError):
-            continue
-        if np.isfinite(X).all():
-            result = _refined(problem, X)
-            if best is None or result.relative_error < best.relative_error:
-                best = result
-            if best.relative_error <= 1.0:
-                break
-    return replace(accepted(best, what), stages=tuple(stages))
+                X = even(solver(problem)).astype(np.longdouble if len(problem.A) <= MAX_EXTENDED else float)
+        except ValueError:  # Also `numpy.linalg.LinAlgError`.
+            X = np.full(problem.A.shape, np.nan)
+        yield name, refined(partial(_certified, problem), X) if np.isfinite(X).all() else None
 
 
 def _by_doubling(p: RiccatiProblem) -> Array:
@@ -113,25 +110,6 @@ def _by_schur_vectors(p: RiccatiProblem) -> Array:
     return np.asarray(linalg.solve_discrete_are(p.A, p.B, p.Q, p.R, s=p.N))
 
 
-_SOLVERS = {"structure-preserving doubling": _by_doubling, "SciPy, extended pencil": _by_schur_vectors}
-
-
-def _refined(p: RiccatiProblem, X: Array) -> RiccatiSolution:
-    """Return a solution after as many Newton steps as improve it; ``X`` is summed in extended precision too."""
-    best, step = _certified(p, even(X).astype(np.longdouble if len(X) <= MAX_EXTENDED else float), near=False)
-    X = best.X
-    for _ in range(_MAX_STEPS):
-        if step is None or best.cost_error <= _SOLVED:
-            break
-        X = even(X + step)
-        near = best.cost_error < _NEAR
-        result, step = _certified(p, X, near)
-        if near and result.cost_error >= best.cost_error:
-            break
-        best = result
-    return replace(best, X=np.asarray(best.X, dtype=float))
-
-
 def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution, Array | None]:
     """Return a solution with its errors, and the Newton step from there; None if the loop is not stable.
 
@@ -145,20 +123,11 @@ def _certified(p: RiccatiProblem, X: Array, near: bool) -> tuple[RiccatiSolution
     moved = A - B @ F  # Joseph's form, in which errors of the gain are of second order
     kept, spent, crossed = moved.T @ X @ moved, F.T @ R @ F, N @ F
     residual = np.asarray(kept - X + Q + spent - crossed - crossed.T, dtype=float)
-    terms = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in (kept, X, Q, spent, crossed))
     step = None
     if (sides(poles, p.dt) < 0).all():
         d = 1.0 / np.sqrt(np.where(np.diag(own) > 0.0, np.diag(own), 1.0)) if near else balance(closed)[1]
         step = even(_summed(closed * d / d[:, None], even(residual) * np.outer(d, d))) / np.outer(d, d)
-    result = RiccatiSolution(
-        X,
-        gain,
-        poles,
-        residual=float(np.linalg.norm(residual)) / max(terms, TINY),
-        cost_error=np.inf if step is None else scaled_norm(step, own),
-        abscissa=float(rates_of(poles, p.dt).real.max()),
-    )
-    return result, step
+    return assessed(X, gain, poles, residual, (kept, X, Q, spent, crossed), step, p.dt), step
 
 
 def _summed(A: Array, R: Array) -> Array:

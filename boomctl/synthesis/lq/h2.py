@@ -17,7 +17,7 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate, trust
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -66,16 +66,15 @@ class H2Result(Design):
     optimal_norm: float
     poles: Array = field(repr=False)
     certificate: DesignCertificate
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield Claim("the closed loop", self._plant, self._controller, stable=True)
+        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     def __repr__(self) -> str:
         c = self.certificate
-        norms = f"H2 norm of the closed loop {self.norm:.6g}, {trust(c.norm_bounds)}; least possible {self.optimal_norm:.6g}"
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, {c.norm_bounds.status}; least possible {self.optimal_norm:.6g}"
         return f"H2Result: controller of {system(self._controller)}\n  {norms}{c._on_full_plant}"
 
 
@@ -129,8 +128,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
     if not len(plant.A):
         raise ValueError("`P` must have at least one state, got a static gain.")
     check_ranks(plant)
-    direct = _cancelling(plant) if plant.system.dt == 0.0 else np.zeros((plant.ncon, plant.nmeas))
-    shifted = _with_direct(plant, direct)
+    shifted, direct = _without_feedthrough(plant)
     ready = normalized(shifted)
     check_modes(shifted, ready)
     check_zeros(shifted, ready)
@@ -174,33 +172,26 @@ def _controller(p: GeneralizedPlant, regulator: RiccatiSolution, estimator: Ricc
     return K, float(known + np.trace(effort @ (F @ Y @ F.T - M @ read @ M.T)))
 
 
-def _cancelling(parts: GeneralizedPlant) -> Array:
-    """Return the gain from measurements to controls that cancels the feedthrough to the performance outputs."""
-    D11 = parts.D11
-    if not D11.any():
-        return np.zeros((len(parts.controls), len(parts.measurements)))
-    direct = -np.linalg.pinv(parts.D12) @ D11 @ np.linalg.pinv(parts.D21)
-    left = D11 + parts.D12 @ direct @ parts.D21
-    if np.abs(left).max() > FEEDTHROUGH_RTOL * np.abs(D11).max():
-        i, j = (int(k) for k in np.unravel_index(np.argmax(np.abs(left)), left.shape))
-        raise SynthesisError(
-            f"The H2 norm is infinite: disturbance {parts.disturbances[j]!r} has a feedthrough {D11[i, j]:.4g} to performance"
-            f" output {parts.performance[i]!r}, which no controller cancels. Filter one of them."
-        )
-    return direct
+def _without_feedthrough(p: GeneralizedPlant) -> tuple[GeneralizedPlant, Array]:
+    """Return the plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``; and ``direct``.
 
-
-def _with_direct(parts: GeneralizedPlant, direct: Array) -> GeneralizedPlant:
-    """Return the generalized plant with ``u = direct y + v``, ``v`` in place of ``u``, and without its ``D22``.
-
-    In continuous time ``direct`` cancels its ``D11``.
+    In continuous time ``direct`` cancels the feedthrough ``D11`` to the performance outputs; in discrete time it is zero.
     """
-    p = parts
+    D11, direct = p.D11, np.zeros((p.ncon, p.nmeas))
+    if p.system.dt == 0.0 and D11.any():
+        direct = -np.linalg.pinv(p.D12) @ D11 @ np.linalg.pinv(p.D21)
+        left = D11 + p.D12 @ direct @ p.D21
+        i, j = np.unravel_index(np.argmax(np.abs(left)), left.shape)
+        if abs(left[i, j]) > FEEDTHROUGH_RTOL * np.abs(D11).max():
+            raise SynthesisError(
+                f"The H2 norm is infinite: disturbance {p.disturbances[j]!r} has a feedthrough {D11[i, j]:.4g} to performance"
+                f" output {p.performance[i]!r}, which no controller cancels. Filter one of them."
+            )
+        D11 = np.zeros_like(D11)
     B = np.hstack([p.B1 + p.B2 @ direct @ p.D21, p.B2])
     C = np.vstack([p.C1 + p.D12 @ direct @ p.C2, p.C2])
-    left = np.zeros_like(p.D11) if p.system.dt == 0.0 else p.D11
-    D = blocks([[left, p.D12], [p.D21, np.zeros_like(p.D22)]])
-    return replace(p, system=replace(p.system, A=p.A + p.B2 @ direct @ p.C2, B=B, C=C, D=D))
+    D = blocks([[D11, p.D12], [p.D21, np.zeros_like(p.D22)]])
+    return replace(p, system=replace(p.system, A=p.A + p.B2 @ direct @ p.C2, B=B, C=C, D=D)), direct
 
 
 def _solved(p: GeneralizedPlant, what: str) -> RiccatiSolution:

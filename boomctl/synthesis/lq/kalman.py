@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import some_names
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_detectable, check_excited
 from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of
+from boomctl.synthesis.lq.problem import Noise, Weight, noise_of, plant_of
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
 from boomctl.threads import one_blas_thread
 
@@ -110,7 +111,7 @@ def kalman(
     array([[2., 2.]])
     """
     plant = plant_of(system, sampled=True)
-    measured = chosen("measurements", measurements, plant.output_labels)
+    measured = some_names("measurement", measurements, plant.output_labels)
     noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
     solution = solved_filter(plant, noise, measured)
     L, n, states = solution.gain.T, len(plant.A), plant.state_labels

@@ -10,16 +10,16 @@ import numpy as np
 
 from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
-from boomctl.checks import exactly, nonnegative, warn_user
+from boomctl.checks import exactly, nonnegative, some_names, warn_user
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import Design, DesignCertificate, trust
+from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
-from boomctl.synthesis.lq.problem import Noise, Weight, chosen, noise_of, plant_of, semidefinite
+from boomctl.synthesis.lq.problem import Noise, Weight, noise_of, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -63,12 +63,11 @@ class LqgResult(Design):
     poles: Array = field(repr=False)
     cost: float
     certificate: DesignCertificate
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield Claim("the closed loop", self._plant, self._controller, stable=True)
+        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @property
     def h2_norm(self) -> float:
@@ -77,7 +76,7 @@ class LqgResult(Design):
 
     def __repr__(self) -> str:
         c = self.certificate
-        costs = f"cost {self.cost:.6g}, {trust(c.norm_bounds)}; least possible {c.lower_bound**2:.6g}{c._on_full_plant}"
+        costs = f"cost {self.cost:.6g}, {c.norm_bounds.status}; least possible {c.lower_bound**2:.6g}{c._on_full_plant}"
         return f"LqgResult: controller of {system(self._controller)}\n  {costs}"
 
 
@@ -145,22 +144,27 @@ def lqg(
     (8.4853, 2)
     """
     plant = plant_of(system.system if isinstance(system, ReductionResult) else system, sampled=True)
-    driven = chosen("controls", controls, plant.input_labels)
+    driven = some_names("control", controls, plant.input_labels)
     noisy = [name for name in plant.input_labels if isinstance(process_noise, Mapping) and name in process_noise]
     if controls is None and noisy and len(noisy) < len(plant.input_labels):
         warn_user(
             f"The controller drives all inputs, also those with process noise, {', '.join(noisy)}. Pass"
             " `controls` to exclude them."
         )
-    measured = chosen("measurements", measurements, plant.output_labels)
-    problem = regulator_problem(plant, driven, Q, R, output_weight)
-    noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
-    way = plant.select(driven, measured)
+    measured = some_names("measurement", measurements, plant.output_labels)
     if nonnegative("ltr_intensity", ltr_intensity) and plant.dt:
         raise ValueError(
             f"`ltr_intensity` must be 0 for a discrete system, whose loop is not recovered, got {exactly(ltr_intensity)}."
         )
-    noise = _with_recovery(noise, way, ltr_intensity)
+
+    def parts(plant: Lti, Q: Weight | None) -> tuple[Lti, RiccatiProblem, Noise]:
+        """Return a plant from controls to measurements, its regulator problem, and its noise."""
+        problem = regulator_problem(plant, driven, Q, R, output_weight)
+        noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
+        way = plant.select(driven, measured)
+        return way, problem, _with_recovery(noise, way, ltr_intensity)
+
+    way, problem, noise = parts(plant, Q)
     regulator = solved_regulator(problem, driven, plant.state_labels)
     estimator = solved_filter(plant, noise, measured)
     K = observer(way, regulator.gain, estimator.gain.T)
@@ -175,12 +179,7 @@ def lqg(
 
         def with_cost(full: Lti) -> Lti:
             given = around(full).select(plant.input_labels, plant.output_labels)
-            if by_states:
-                return _between_all(given, driven, measured)
-            task = regulator_problem(given, driven, 0.0, R, output_weight)
-            noise = noise_of(given, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
-            way = given.select(driven, measured)
-            return _weighted(way, task, _with_recovery(noise, way, ltr_intensity))
+            return _between_all(given, driven, measured) if by_states else _weighted(*parts(given, 0.0))
 
         origin = ReducedPlant(origin.reduction, with_cost)
     certificate = certify(loop, K, least, regulator, estimator, plant=P, origin=origin, by_states=by_states)

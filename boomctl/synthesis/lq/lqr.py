@@ -15,7 +15,7 @@ from scipy import linalg
 from boomctl.analysis.claim import Claim
 from boomctl.analysis.norm import NormBounds
 from boomctl.arrays import Array, blocks
-from boomctl.checks import finite_array, sequence
+from boomctl.checks import finite_array, names, some_names
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import largest_gain
@@ -27,8 +27,8 @@ from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
 from boomctl.synthesis.certificate import Design, DesignCertificate
 from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.problem import Weight, chosen, definite, plant_of, semidefinite
-from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, even
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ class LqrResult(Design):
     poles: Array = field(repr=False)
     uncontrollable_modes: tuple[HiddenMode, ...]
     certificate: DesignCertificate
-    _plant: Lti | None = field(default=None, repr=False, compare=False)
+    _plant: Lti = field(repr=False, compare=False)
 
     def __iter__(self) -> Iterator[Array]:
         """Yield gain, cost and poles: ``K, S, E = lqr(...)``, as python-control's ``lqr`` returns them."""
@@ -85,8 +85,7 @@ class LqrResult(Design):
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield the claims about the loop of the plant that can be proved."""
-        if self._plant is not None:
-            yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
+        yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
 
     @cached_property
     def control_loop(self) -> control.StateSpace:
@@ -154,12 +153,10 @@ def lqr(
     array([[1.    , 1.4142]])
     """
     plant = plant_of(system, sampled=True)
-    driven = chosen("controls", controls, plant.input_labels)
-    listed = (integral_action,) if isinstance(integral_action, str) else integral_action
-    if not isinstance(listed, Mapping):
-        listed = sequence("integral_action", listed, "names of outputs")
-    integrated = chosen("integral_action", tuple(listed), plant.output_labels) if len(listed) else ()
-    integrals = dict(listed) if isinstance(listed, Mapping) else dict.fromkeys(integrated, 1.0)
+    driven = some_names("control", controls, plant.input_labels)
+    listed = tuple(integral_action) if isinstance(integral_action, Mapping) else integral_action
+    integrated = names("integral_action", listed, plant.output_labels)
+    integrals = integral_action if isinstance(integral_action, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(plant, driven, Q, R, output_weight, N=N)
     if integrated:
         plant = _with_integrators(plant, integrated)
@@ -185,15 +182,16 @@ def lqr(
 def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
     """Return the plant with the integrals of some outputs as further states, ``integral.NAME``."""
     k, n = len(integrated), len(plant.A)
-    read = plant.select(outputs=integrated)
-    kept, share = (0.0, 1.0) if plant.dt == 0.0 else (1.0, plant.dt)
-    return replace(
-        plant,
-        A=blocks([[plant.A, np.zeros((n, k))], [share * read.C, kept * np.eye(k)]]),
-        B=np.vstack([plant.B, share * read.D]),
-        C=np.hstack([plant.C, np.zeros((len(plant.C), k))]),
-        state_labels=(*plant.state_labels, *(f"integral.{name}" for name in integrated)),
-    )
+    read, states = plant.select(outputs=integrated), tuple(f"integral.{name}" for name in integrated)
+    pole, gain = _integrator(plant.dt)
+    A = blocks([[plant.A, np.zeros((n, k))], [gain * read.C, pole * np.eye(k)]])
+    B, C = np.vstack([plant.B, gain * read.D]), np.hstack([plant.C, np.zeros((len(plant.C), k))])
+    return replace(plant, A=A, B=B, C=C, state_labels=(*plant.state_labels, *states))
+
+
+def _integrator(dt: float) -> tuple[float, float]:
+    """Return ``a`` and ``b`` of an integrator ``x' = a x + b u``, in discrete time of ``x+ = a x + b u``."""
+    return (1.0, dt) if dt else (0.0, 1.0)
 
 
 def regulator_problem(
@@ -207,7 +205,7 @@ def regulator_problem(
 ) -> RiccatiProblem:
     """Return the Riccati problem of a regulator with checked weights."""
     driven = plant.select(controls)
-    B, D = driven.B, driven.D
+    B, C, D = driven.B, driven.C, driven.D
     n, m = B.shape
     if Q is None and output_weight is None:
         raise ValueError("`Q` or `output_weight` must be given, got None for both.")
@@ -218,13 +216,11 @@ def regulator_problem(
         raise ValueError(f"`N` must have the shape {(n, m)}, states by controls, got {cross.shape}.")
     if cross.any():
         joint = states - cross @ linalg.solve(efforts, cross.T, assume_a="pos")
-        semidefinite("Q - N R^-1 N^T", 0.5 * (joint + joint.T), plant.state_labels)
+        semidefinite("Q - N R^-1 N^T", even(joint), plant.state_labels)
     if output_weight is not None:
         W = semidefinite("output_weight", output_weight, plant.output_labels)
-        states = states + plant.C.T @ W @ plant.C
-        efforts = efforts + D.T @ W @ D
-        cross = cross + plant.C.T @ W @ D
-    return RiccatiProblem(plant.A, B, 0.5 * (states + states.T), 0.5 * (efforts + efforts.T), cross, plant.dt)
+        states, efforts, cross = states + C.T @ W @ C, efforts + D.T @ W @ D, cross + C.T @ W @ D
+    return RiccatiProblem(plant.A, B, even(states), even(efforts), cross, plant.dt)
 
 
 def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
@@ -277,13 +273,10 @@ def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], 
     """Return ``u = -F x`` with the plant's states and some outputs, which it integrates, as inputs."""
     k, dt = len(integrated), plant.dt
     n = len(plant.A) - k
-    kept, share = (0.0, 1.0) if dt == 0.0 else (1.0, dt)
-    reads = np.hstack([np.zeros((k, n)), share * np.eye(k)])
-    direct = np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
-    inputs = (*plant.state_labels[:n], *integrated)
-    return Lti(
-        kept * np.eye(k), reads, -gain[:, n:], direct, inputs, tuple(controls), plant.state_labels[n:], dt, plant.scales
-    )
+    pole, read = _integrator(dt)
+    B, D = np.eye(k, n + k, n) * read, np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
+    inputs, states = (*plant.state_labels[:n], *integrated), plant.state_labels[n:]
+    return Lti(pole * np.eye(k), B, -gain[:, n:], D, inputs, tuple(controls), states, dt, plant.scales)
 
 
 def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:

@@ -9,7 +9,7 @@ from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, rates_of
-from boomctl.synthesis.certificate import DesignCertificate, trust
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.riccati import MAX_COST_ERROR, RiccatiSolution
 from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -76,7 +76,7 @@ def certify(
         lower_bound=lower,
         lower_bound_source="both Riccati equations",
         stages=(*regulator.stages, *estimator.stages, norm.method),
-        summary=f"H2 norm {norm.value:.6g}, {trust(norm)}; lower bound {lower:.6g} by the Riccati equations; "
+        summary=f"H2 norm {norm.value:.6g}, {norm.status}; lower bound {lower:.6g} by the Riccati equations; "
         f"slowest pole {slowest:.4g} rad/s; Riccati residuals {regulator.residual:.1e} and {estimator.residual:.1e}",
         full_plant=judged_on_full_plant(origin, plant, K, None if by_states else norm),
         regulator_riccati=regulator,

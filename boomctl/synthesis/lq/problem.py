@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, names, real
+from boomctl.checks import finite_array, known, real, some_names
 from boomctl.lti.system import Lti, of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
@@ -34,14 +34,6 @@ def plant_of(system: object, *, sampled: bool = False) -> Lti:
     if not len(plant.A):
         raise ValueError("`system` must have at least one state, got a static gain.")
     return plant
-
-
-def chosen(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
-    """Return the labels of signals, known, distinct, at least one; all if ``wanted`` is None."""
-    result = names(what, wanted, choices)
-    if not result:
-        raise ValueError(f"`{what}` must have at least one name, got none.")
-    return result
 
 
 def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:
@@ -78,9 +70,9 @@ def _checked(what: str, value: Weight, signals: Sequence[str], kind: str, limit:
     safe = np.where(size > 0.0, size, np.where(coupled, np.sqrt(np.abs(matrix).max(initial=0.0)), 1.0))
     lowest = float(linalg.eigvalsh(matrix / np.outer(safe, safe)).min(initial=np.inf))
     if lowest < limit or (kind == "definite" and lowest == limit):
-        plain = float(linalg.eigvalsh(matrix)[0])
-        lowest = plain if (plain < 0.0) == (lowest < 0.0) else lowest
-        raise ValueError(f"`{what}` must be positive {kind}, got an eigenvalue of {lowest:.4g}.")
+        raise ValueError(
+            f"`{what}` must be positive {kind}, got an eigenvalue of {lowest:.4g}, scaled to a unit diagonal."
+        )
     return matrix
 
 
@@ -136,13 +128,13 @@ def noise_of(
     it names, and a number, vector or matrix over the states.
     """
     if isinstance(process_noise, Mapping) and disturbances is None:
-        disturbances = chosen("process_noise", tuple(process_noise), plant.input_labels)
+        disturbances = tuple(process_noise)
     V = definite("measurement_noise", measurement_noise, measurements)
     if disturbances is None:
         array = finite_array("process_noise", process_noise)  # type: ignore[arg-type]
         W = semidefinite("process_noise", array, plant.state_labels)
         return Noise(W, V, W[:, :0] @ V[:0])
-    entering = chosen("disturbances", disturbances, plant.input_labels)
+    entering = some_names("disturbance", disturbances, plant.input_labels)
     intensity = semidefinite("process_noise", process_noise, entering)
     way = plant.select(entering, measurements)
     W, V = way.B @ intensity @ way.B.T, V + way.D @ intensity @ way.D.T

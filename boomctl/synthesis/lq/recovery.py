@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, frequencies, positive
+from boomctl.checks import finite_array, positive, some_names, span
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import transmission_zeros
 from boomctl.lti.system import Lti
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
-from boomctl.synthesis.lq.problem import Weight, chosen, plant_of
+from boomctl.synthesis.lq.problem import Weight, plant_of
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -137,15 +137,14 @@ def loop_transfer_recovery(
     array([0.97, 0.87, 0.3 ])
     """
     plant = plant_of(system)
-    driven = chosen("controls", controls, plant.input_labels)
-    measured = chosen("measurements", measurements, plant.output_labels)
+    driven = some_names("control", controls, plant.input_labels)
+    measured = some_names("measurement", measurements, plant.output_labels)
     if len(measured) < len(driven):
         raise ValueError(
             f"`measurements` must be at least as many as the controls ({len(driven)}), got {len(measured)}."
         )
-    ends = frequencies("omega_range", omega_range)
-    if ends.shape != (2,) or not 0.0 < ends[0] < ends[1]:
-        raise ValueError(f"`omega_range` must be two positive frequencies [rad/s], ascending, got {omega_range!r}.")
+    low, high = span("omega_range", omega_range)
+    omega = np.geomspace(positive("omega_range", low), high, _POINTS)
     intensities = np.atleast_1d(finite_array("noise_intensities", noise_intensities))
     if intensities.ndim != 1 or not intensities.size:
         raise ValueError(f"`noise_intensities` must be one number or more, got shape {intensities.shape}.")
@@ -154,7 +153,7 @@ def loop_transfer_recovery(
     designs = tuple(
         lqg(*arguments, **options, ltr_intensity=positive("noise_intensities", float(q))) for q in intensities
     )
-    omega, inner, F = np.geomspace(ends[0], ends[1], _POINTS), plant.select(driven, measured), designs[0].regulator_gain
+    inner, F = plant.select(driven, measured), designs[0].regulator_gain
     target = singular_values(Lti(plant.A, inner.B, F, np.zeros((len(F), len(F)))).response(omega))
     if not target.all():
         at = float(omega[np.flatnonzero((target == 0.0).any(axis=0))[0]])

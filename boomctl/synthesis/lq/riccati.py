@@ -5,8 +5,9 @@ SLICOT SB02MD) in scaled modal coordinates, then by Newton's method (Kleinman 19
 the problem and in extended precision, as iterative refinement of linear equations.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import slycot
@@ -17,14 +18,16 @@ from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.rounding import TINY
-from boomctl.lti.system import signal_scales
+from boomctl.lti.system import rates_of, signal_scales
 from boomctl.printing import compact
 
 _MAX_CONDITION = 1e10  # Of the eigenvectors; modal coordinates of worse ones leave too few digits for Newton's method.
 _LEAST_COUPLING = 1e-24  # Of a mode, relative to the largest one, so that scales are within 1e6.
-_MAX_STEPS = 12  # Newton steps. The digits double with each one: four of them yield all from one.
+# Newton steps. Four yield all digits from one; before that, each reduces the excess of the cost by three quarters.
+_MAX_STEPS = 40
+_NEAR = 0.5  # Cost error below which Newton's method converges quadratically.
 _SOLVED = 1e-8  # Newton's method ends at this fraction of the largest errors of a certificate.
-_ACCEPTED = 1e-2  # No other coordinates are tried below this fraction of the largest errors of a certificate.
+_ACCEPTED = 1e-2  # No other solver is used below this fraction of the largest errors of a certificate.
 MAX_RESIDUAL = 1e-6  # Of a certified solution, relative to the terms of the equation.
 MAX_COST_ERROR = 1e-4  # Of a certified solution, relative to the cost.
 MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
@@ -110,6 +113,9 @@ class RiccatiSolution:
         return max(errors) if self.abscissa < 0.0 else float("inf")
 
 
+Certified = Callable[[Array, bool], tuple["RiccatiSolution", Array | None]]
+"""Return a solution with its errors and the Newton step from there, by ``X`` and whether the step is small."""
+
 Change = tuple[Array, Array]
 """A change of coordinates ``x = T z`` and its inverse."""
 
@@ -143,119 +149,115 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
     return np.diag(d), np.diag(1.0 / d)
 
 
-# Coordinates in the order tried. Modal ones are accurate for light damping and fine meshes; double poles have none.
-_COORDINATES: dict[str, Callable[[Array, Array, Array], Change | None]] = {"modal": _modal, "scaled": _scaled}
-
-
 def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the more accurate one of the stabilizing solutions in modal and in scaled coordinates.
+    """Return the stabilizing solution of a problem in continuous time.
 
     Raises
     ------
     SynthesisError
         If there is none, or if it is not accurate enough.
     """
-    best: RiccatiSolution | None = None
-    stages: list[str] = []
+    return best_solution(_solutions(problem), what)
+
+
+def _solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
+    """Yield solutions in modal coordinates, accurate for light damping and fine meshes, and in scaled ones."""
     shifted = problem.shifted
-    for name, coordinates in _COORDINATES.items():
+    for name, coordinates in (("modal", _modal), ("scaled", _scaled)):
         change = coordinates(*shifted)
         if change is None:
-            stages.append(f"{name} coordinates: none")
+            yield f"{name} coordinates: none", None
             continue
-        solver, X = _start(*shifted, change)
-        stages.append(f"{name} coordinates: {solver}")
-        if X is None:
-            continue
-        result = _refined(problem, X, change)
-        if best is None or result.relative_error < best.relative_error:
-            best = result
-        if best.relative_error <= _ACCEPTED:
-            break
-    return replace(accepted(best, what), stages=tuple(stages))
+        X = _start(*shifted, change)
+        result = None if X is None else refined(partial(_certified, problem, change), X)
+        yield f"{name} coordinates: SLICOT SB02MD{' failed' if X is None else ''}", result
 
 
-def accepted(solution: RiccatiSolution | None, what: str) -> RiccatiSolution:
-    """Return a solution if it is accurate enough.
+def best_solution(solutions: Iterable[tuple[str, RiccatiSolution | None]], what: str) -> RiccatiSolution:
+    """Return the first solution far below the largest errors, otherwise the most accurate one.
 
     Raises
     ------
     SynthesisError
-        If there is none, or if it is not.
+        If there is none, or if it is not accurate enough.
     """
-    if solution is None or solution.relative_error == np.inf:
+    results, stages = [], []
+    for stage, result in solutions:
+        stages.append(stage)
+        results += [] if result is None else [result]
+        if result is not None and result.relative_error <= _ACCEPTED:
+            break
+    best = min(results, key=lambda result: result.relative_error, default=None)
+    if best is None or best.relative_error == np.inf:
         raise SynthesisError(
             f"No stabilizing solution of {what} was found: eigenvalues are too close to the stability boundary."
         )
-    if not solution.relative_error <= 1.0:
+    if not best.relative_error <= 1.0:
         raise SynthesisError(
-            f"The solution of {what} is not accurate enough: relative residual {solution.residual:.1e}, cost error"
-            f" {solution.cost_error:.1e}, abscissa {solution.abscissa:.3g} rad/s. Scale the signals, or weight all modes."
+            f"The solution of {what} is not accurate enough: relative residual {best.residual:.1e}, cost error"
+            f" {best.cost_error:.1e}, abscissa {best.abscissa:.3g} rad/s. Scale the signals, or weight all modes."
         )
-    return solution
+    return replace(best, X=np.asarray(best.X, dtype=float), stages=tuple(stages))
 
 
-def _start(A: Array, acting: Array, Q: Array, change: Change) -> tuple[str, Array | None]:
-    """Return the solver that succeeded and its solution: Schur vectors by SLICOT or, if that fails, by SciPy."""
+def _start(A: Array, acting: Array, Q: Array, change: Change) -> Array | None:
+    """Return the solution by Schur vectors in other coordinates; None if that fails."""
     T, inverse = change
     A, B, Q = inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T)
-    scaling, solver = "G" if Q.any() and B.any() else "N", "SLICOT SB02MD"
     try:
-        Z = slycot.sb02md(len(A), A.copy(), B @ B.T, Q.copy(), "C", scal=scaling)[0]
+        Z = slycot.sb02md(len(A), A, B @ B.T, Q, "C", scal="G" if Q.any() and B.any() else "N")[0]
     except SlycotError:
-        solver = "SLICOT SB02MD failed, SciPy"
-        try:
-            Z = linalg.solve_continuous_are(A, B, Q, np.eye(B.shape[1]))
-        except (linalg.LinAlgError, ValueError):
-            return f"{solver} failed", None
-    return (solver, even(inverse.T @ Z @ inverse)) if np.isfinite(Z).all() else (f"{solver}: not finite", None)
+        return None
+    return even(inverse.T @ Z @ inverse) if np.isfinite(Z).all() else None
 
 
-def _refined(problem: RiccatiProblem, X: Array, change: Change) -> RiccatiSolution:
+def refined(certified: Certified, X: Array) -> RiccatiSolution:
     """Return a solution after as many Newton steps as improve it."""
-    best, step = _certified(problem, X, change)
+    best, step = certified(X, False)
     for _ in range(_MAX_STEPS):
         if step is None or best.relative_error <= _SOLVED:
             break
-        result, step = _certified(problem, even(best.X + step), change)
-        if result.relative_error >= best.relative_error:
+        near = best.cost_error < _NEAR
+        result, step = certified(even(best.X + step), near)
+        if near and result.relative_error >= best.relative_error:
             break
         best = result
     return best
 
 
-def _certified(problem: RiccatiProblem, X: Array, change: Change) -> tuple[RiccatiSolution, Array | None]:
+def _certified(problem: RiccatiProblem, change: Change, X: Array, _: bool) -> tuple[RiccatiSolution, Array | None]:
     """Return a solution with its errors, and the Newton step from there; None if the loop is not stable."""
     residual, gain = problem.residual(X), problem.gain(X)
-    terms = max(float(np.linalg.norm(term)) for term in (*problem.terms(X), problem.Q))
-    closed = problem.A - problem.B @ gain
+    closed, terms = problem.A - problem.B @ gain, (*problem.terms(X), problem.Q)
     poles = np.asarray(linalg.eigvals(closed), dtype=complex)
-    abscissa = float(np.real(poles).max())
-    step = _newton_step(closed, residual, change) if abscissa < 0.0 else None
-    result = RiccatiSolution(
+    step = _newton_step(closed, residual, change) if np.real(poles).max() < 0.0 else None
+    return assessed(X, gain, poles, residual, terms, step, problem.dt), step
+
+
+def assessed(
+    X: Array, gain: Array, poles: Array, residual: Array, terms: Sequence[Array], step: Array | None, dt: float
+) -> RiccatiSolution:
+    """Return a solution with its errors, by its residual beside the terms of the equation and by its Newton step."""
+    largest = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in terms)
+    return RiccatiSolution(
         X,
         gain,
         poles,
-        residual=float(np.linalg.norm(residual)) / max(terms, TINY),
-        cost_error=np.inf if step is None else scaled_norm(step, X),
-        abscissa=abscissa,
+        residual=float(np.linalg.norm(residual)) / max(largest, TINY),
+        cost_error=np.inf if step is None else _scaled_norm(step, np.asarray(X, dtype=float)),
+        abscissa=float(rates_of(poles, dt).real.max()),
     )
-    return result, step
 
 
-def _newton_step(closed: Array, residual: Array, change: Change) -> Array | None:
-    """Return the solution of the Lyapunov equation of a loop, solved in other coordinates; None if it is unstable there."""
+def _newton_step(closed: Array, residual: Array, change: Change) -> Array:
+    """Return the solution of the Lyapunov equation of a loop, solved in other coordinates."""
     T, inverse = change
     balanced, d = balance(inverse @ closed @ T)
-    S, Z = linalg.schur(balanced, output="complex")
-    if np.real(np.diag(S)).max() >= 0.0:
-        return None
-    scaled = even(T.T @ residual @ T) * np.outer(d, d)
-    Y, scale, _ = linalg.get_lapack_funcs("trsyl", (S,))(S, S, -(Z.conj().T @ scaled @ Z), trana="C")
-    return even(inverse.T @ (np.real(Z @ (Y / scale) @ Z.conj().T) / np.outer(d, d)) @ inverse)
+    Y = linalg.solve_continuous_lyapunov(balanced.T, -even(T.T @ residual @ T) * np.outer(d, d))
+    return even(inverse.T @ (Y / np.outer(d, d)) @ inverse)
 
 
-def scaled_norm(step: Array, X: Array) -> float:
+def _scaled_norm(step: Array, X: Array) -> float:
     """Return the norm of a change of ``X``, each state scaled by its own cost."""
     size = np.sqrt(np.maximum(np.diag(X), 0.0))
     inverse = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)

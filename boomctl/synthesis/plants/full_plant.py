@@ -9,23 +9,23 @@ computed too.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from math import inf, nan
+from math import inf, isfinite, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.norm import UNSTABLE, NormBounds, axis_eigenvalues, level_norm, matrices_norm
+from boomctl.analysis.norm import UNSTABLE, NormBounds, matrices_norm
 from boomctl.arrays import blocks
 from boomctl.checks import warn_user
 from boomctl.exceptions import ReductionWarning
 from boomctl.lti.bilinear import continuous_image
-from boomctl.lti.frequency import largest_gain, singular_values
+from boomctl.lti.frequency import largest_gain
 from boomctl.lti.modal import partial_fractions, sides
 from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate, norm_there
+from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate
 from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 
 if TYPE_CHECKING:
@@ -35,7 +35,6 @@ _ORIGIN = "_boomctl_reduced_plant"  # Attribute of a generalized plant with its 
 _MAX_POLES = 800  # States of a full loop whose poles are computed, in two seconds.
 _MAX_NORM = 200  # States of a full loop whose norm is computed, in a second.
 _WARNING_FACTOR = 1.1  # Norm on the full plant, relative to that on the reduced one, from which on to warn.
-_BEYOND = 2.0  # A frequency beyond a range, relative to its end.
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,11 +126,8 @@ def judged_on_full_plant(
                 norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
                 stages.append(f"norm: {norm.method}")
     summary = _summary(reduction, stable, share, slowest, norm)
-    worse = False
-    if stable and reduced is not None and norm.method != NOT_COMPUTED:
-        now, before = (norm.value, reduced.value) if norm.kind == "h2" else (norm.upper_bound, reduced.upper_bound)
-        worse = now > _WARNING_FACTOR * before
-    if not stable or worse:
+    known = inf if reduced is None or norm.method == NOT_COMPUTED else reduced.value
+    if not stable or norm.value > _WARNING_FACTOR * known:
         warn_user(f"The controller was designed on a reduced plant: {summary}.", ReductionWarning)
     fastest, source = float(np.abs(K.poles).max(initial=0.0)), "none: computed for the reduced plant"
     return DesignCertificate(norm, slowest, fastest, 0.0, source, tuple(stages), summary, stable, small_gain=share)
@@ -140,16 +136,26 @@ def judged_on_full_plant(
 def _summary(reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormBounds) -> str:
     plant = f"on the full plant of {reduction.full_order} states"
     gain = f"K S times the reduction's error of {reduction.error_norm:.3g} is up to {share:.3g}"
+    if stable:
+        how = f"proved: {gain}" if share < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
+        return f"stable {plant} ({how}){_norm_text(norm)}"
+    result = f"stability is not proved {plant}; {gain}, where less than 1 proves it"
     if stable is False:
-        return (
-            f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}; increase the order of the reduction"
-        )
-    if stable is None:
-        return (
-            f"stability is not proved {plant}; {gain}, where less than 1 proves it; increase the order of the reduction"
-        )
-    how = f"proved: {gain}" if share < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
-    return f"stable {plant} ({how}){norm_there(norm, '; its ')}"
+        result = f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}"
+    return f"{result}; increase the order of the reduction"
+
+
+def _norm_text(norm: NormBounds) -> str:
+    """Return a norm on a full plant as text, empty if it was not computed."""
+    if norm.method == NOT_COMPUTED:
+        return ""
+    if norm.method == UNDEFINED:
+        return f"; its cost there is {UNDEFINED}"
+    if norm.kind == "h2":
+        return f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({norm.status})"
+    if isfinite(norm.upper_bound):
+        return f"; its norm there is {norm.upper_bound:.6g}"
+    return f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
 
 
 def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
@@ -162,22 +168,7 @@ def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float
         blocks([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
         dt=plant.system.dt,
     )
-    parts = ClosedLoop(added, K)
-    KS = parts.system
     if reduction.error_norm == 0.0:
         return 0.0
-    largest = matrices_norm(parts).upper_bound
-    if reduction.omega_range is None:
-        return largest * min(reduction.error_norm, reduction.error_bound)
-    everywhere = largest * reduction.error_bound
-    if everywhere < 1.0 or KS.dt != 0.0:  # not refined on the unit circle
-        return everywhere
-    inside = level_norm(KS, band=reduction.omega_range).upper_bound * reduction.error_norm
-    low, high = reduction.omega_range
-    outside = np.array([0.0, 0.5 * low, _BEYOND * high] if low > 0.0 else [_BEYOND * high])
-    values = np.append(singular_values(KS.response(outside, quiet=True))[0], np.linalg.norm(KS.D, 2))
-    if values.max() * reduction.error_bound >= 1.0:
-        return max(inside, float(values.max()) * reduction.error_bound)
-    crossings = axis_eigenvalues(KS, 1.0 / reduction.error_bound)
-    # if all are within the range, the level is not reached outside of it
-    return inside if ((crossings > low) & (crossings < high)).all() else max(inside, everywhere)
+    everywhere = reduction.error_bound if reduction.omega_range else min(reduction.error_norm, reduction.error_bound)
+    return matrices_norm(ClosedLoop(added, K)).upper_bound * everywhere

@@ -101,19 +101,17 @@ def generalized_plant(
     n = _weighted("noise of measurement", "n_", {} if noise is None else noise, read, dt)
     z = _weighted("performance output", "z_", performance, outs, dt)
     e = _weighted("effort of control", "z_", {} if effort is None else effort, set_, dt)
-    for what, result in (
-        ("disturbance or noise", w | n),
-        ("performance output or effort", z | e),
-        ("measurement", read),
-        ("control", set_),
-    ):
+    signals = {
+        "disturbance or noise": w | n,
+        "performance output or effort": z | e,
+        "measurement": read,
+        "control": set_,
+    }
+    for what, result in signals.items():
         if not result:
             raise ValueError(f"The generalized plant must have at least one {what}, got none.")
-    ways = {
-        "disturbances to performance outputs": (tuple(w), tuple(z)),
-        "controls to measurements": (set_, read),
-    }
-    warn_of_lost_channels(plant, ways)
+    channels = {"disturbances to performance outputs": (tuple(w), tuple(z)), "controls to measurements": (set_, read)}
+    warn_of_lost_channels(plant, channels)
     around = partial(_weighed, w=w, n=n, z=z, e=e, read=read, set_=set_)
     return carrying(around(system).statespace("generalized_plant"), plant, around)
 

@@ -76,23 +76,10 @@ class GeneralizedPlant:
         s = self.system
         nz, nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
         z, y, w, u = slice(nz), slice(nz, None), slice(nw), slice(nw, None)
-        vars(self).update(
-            nw=nw,
-            nz=nz,
-            A=s.A,
-            B1=s.B[:, w],
-            B2=s.B[:, u],
-            C1=s.C[z],
-            C2=s.C[y],
-            D11=s.D[z, w],
-            D12=s.D[z, u],
-            D21=s.D[y, w],
-            D22=s.D[y, u],
-            disturbances=s.input_labels[w],
-            controls=s.input_labels[u],
-            performance=s.output_labels[z],
-            measurements=s.output_labels[y],
-        )
+        parts = {"nw": nw, "nz": nz, "A": s.A, "B1": s.B[:, w], "B2": s.B[:, u], "C1": s.C[z], "C2": s.C[y]}
+        parts |= {"D11": s.D[z, w], "D12": s.D[z, u], "D21": s.D[y, w], "D22": s.D[y, u]}
+        parts |= {"disturbances": s.input_labels[w], "controls": s.input_labels[u]}
+        vars(self).update(parts, performance=s.output_labels[z], measurements=s.output_labels[y])
 
     @property
     def dual(self) -> "GeneralizedPlant":

@@ -112,12 +112,10 @@ def _checked(scales: Mapping[str, float], system: Lti, what: str) -> dict[str, f
     """Return scales as floats, checked to be those of the signals of a system."""
     labels = (*system.input_labels, *system.output_labels)
     values = mapping("scales", scales, "signals to their scales")
-    for name in labels:
-        if name not in values:
-            raise ValueError(f"`scales` must have an entry for each signal of `{what}`, got none for {name!r}.")
-    for name in values:
-        if name not in labels:
+    for name in (*labels, *values):
+        if (name in labels) != (name in values):
             raise ValueError(
-                f"`scales` must have entries for the signals of `{what}` only, {', '.join(labels)}, got {name!r}."
+                f"`scales` must have an entry for each signal of `{what}`, {', '.join(labels)}, and no other, got"
+                f" {'none' if name in labels else 'one'} for {name!r}."
             )
     return {name: positive(f"scales[{name!r}]", value) for name, value in values.items()}

@@ -4,13 +4,14 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import slycot
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.modal import block_diagonal, resolved
-from boomctl.lti.rounding import EPS, ROOT, TINY
+from boomctl.lti.rounding import EPS, ROOT
 from boomctl.lti.system import Lti, append, check_scales, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
@@ -19,14 +20,11 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-# Norm of a reachable or observable state, relative to the controller, below which it is rounding. Tried in turn until
-# the response is preserved.
-_RANK_RTOL = (1e-7, 1e-9, 1e-11)
+_RANK_RTOL = 1e-9  # Reciprocal condition number below which states are unreachable or unobservable.
 _RESPONSE_RTOL = 1e-6  # Largest relative change of the response of a subsystem.
 _POLE_RTOL = 100.0 * EPS  # Rounding error of the poles, relative to the norm of A.
-_CLUSTER_RTOL = 1e-3  # Poles that are closer than this, relative to their modulus, are reduced together.
+_CLUSTER_RTOL = 1e-3  # Poles whose moduli are closer than this are reduced together.
 _GAP = 1e-3  # Relative distance of frequencies from undamped poles.
-_NULL_RTOL = 1e-6  # Fraction of the norm of A below which the image of a state is rounding.
 
 
 @one_blas_thread
@@ -143,21 +141,16 @@ def split_controller(
     parts = {(i, j): sides[i][1] @ response @ sides[j][0] / units[j] for i in (0, 1) for j in (0, 1)}
     gains = {key: float(np.abs(part).max(initial=0.0)) for key, part in parts.items()}
     nearest = np.abs(1j * grid[:, None] - K.poles).min(axis=1, initial=np.inf)
-    rounding = _POLE_RTOL * float(np.linalg.norm(K.A))
-    pole_error = rounding / nearest
+    pole_error = _POLE_RTOL * float(np.linalg.norm(K.A)) / nearest
     result = []
     for k, (read, drive, inputs, outputs) in enumerate(sides):
         gain = np.maximum(np.abs(parts[k, k]).max(axis=(1, 2), initial=0.0), ROOT * max(gains.values()))
-        change = np.zeros(0)
-        for rtol in _RANK_RTOL:
-            blocks = [_minimal(cluster, read, drive, rtol, rounding) for cluster in clusters]
-            A, B = linalg.block_diag(*(block.A for block in blocks)), np.vstack([block.B for block in blocks])
-            half = Lti(A, B, np.hstack([block.C for block in blocks]), drive @ K.D @ read, inputs, outputs)
-            error = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k] - parts[k, k]
-            change = np.abs(error).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0) - pole_error
-            if change.max() <= _RESPONSE_RTOL:
-                break
-        else:
+        blocks = [_minimal(cluster, read, drive) for cluster in clusters]
+        A, B = linalg.block_diag(*(block.A for block in blocks)), np.vstack([block.B for block in blocks])
+        half = Lti(A, B, np.hstack([block.C for block in blocks]), drive @ K.D @ read, inputs, outputs)
+        error = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k] - parts[k, k]
+        change = np.abs(error).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0) - pole_error
+        if not change.max() <= _RESPONSE_RTOL:
             name, worst = ("symmetric", "antisymmetric")[k], int(np.argmax(change))
             raise ValueError(
                 f"`controller` cannot be split: its {name} part would change by {100.0 * change[worst]:.2g} % at"
@@ -181,49 +174,31 @@ def _frequencies(K: Lti) -> Array:
 
 
 def _clusters(K: Lti) -> list[Lti]:
-    """Return the parts of a controller that belong to clusters of nearly equal poles."""
+    """Return the parts of a controller that belong to clusters of poles of nearly equal modulus."""
+    if not len(K.A):
+        return [K]
     A, columns, widths = block_diagonal(K.A)
-    rows = linalg.inv(columns) if len(A) else columns
-    clusters: list[tuple[Array, Array]] = []  # of states and of poles
-    error = _POLE_RTOL * float(np.linalg.norm(A))
-    for end, width in zip(np.cumsum(widths).astype(int), widths, strict=True):
-        states = np.arange(end - width, end)
-        poles, apart = linalg.eigvals(A[np.ix_(states, states)]), []
-        for others, values in clusters:
-            if (np.abs(poles[:, None] - values) <= _CLUSTER_RTOL * np.abs(values) + error).any():
-                states, poles = np.concatenate([others, states]), np.concatenate([values, poles])
-            else:
-                apart.append((others, values))
-        clusters = [*apart, (states, poles)]
-    B, C = rows @ K.B, K.C @ columns
-    groups = [states for states, _ in clusters] or [np.arange(0)]
+    B, C = linalg.solve(columns, K.B), K.C @ columns
+    blocks = np.split(np.arange(len(A)), np.cumsum(widths)[:-1])
+    size = np.array([np.abs(linalg.eigvals(A[np.ix_(states, states)])).mean() for states in blocks])
+    order, error = np.argsort(size), _POLE_RTOL * float(np.linalg.norm(A))
+    cuts = np.flatnonzero(np.diff(size[order]) > _CLUSTER_RTOL * size[order][1:] + error) + 1
+    groups = [np.concatenate([blocks[k] for k in group]) for group in np.split(order, cuts)]
     return [Lti(A[np.ix_(states, states)], B[states], C[:, states], K.D) for states in groups]
 
 
-def _minimal(part: Lti, read: Array, drive: Array, rtol: float, rounding: float) -> Lti:
+def _minimal(part: Lti, read: Array, drive: Array) -> Lti:
     """Return the reachable and observable states of a part between the signals of a subsystem."""
-    inputs, outputs = (
-        np.linalg.norm(part.B) * np.linalg.norm(read, axis=0),
-        np.linalg.norm(part.C) * np.linalg.norm(drive, axis=1),
-    )
-    B, C = part.B @ read, drive @ part.C
-    V = _reachable(part.A, B / np.where(inputs > 0.0, inputs, 1.0), rtol, rounding)
-    A, B, C = V.T @ part.A @ V, V.T @ B, C @ V
-    W = _reachable(A.T, C.T / np.where(outputs > 0.0, outputs, 1.0), rtol, rounding)
-    return Lti(W.T @ A @ W, W.T @ B, C @ W, np.zeros((len(C), B.shape[1])))
-
-
-def _reachable(A: Array, columns: Array, rtol: float, rounding: float) -> Array:
-    """Return an orthonormal basis of the Krylov space of some columns, without directions below a fraction of them."""
-    basis, size = np.zeros((len(A), 0)), max(float(np.linalg.norm(A)), TINY)
-    while columns.shape[1]:
-        left, values, _ = linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
-        new = left[:, values > rtol]
-        new = linalg.qr(new - basis @ (basis.T @ new), mode="economic")[0]  # orthogonal to rounding
-        basis, columns = np.hstack([basis, new]), A @ new
-        norms = np.linalg.norm(columns, axis=0)
-        columns = (columns / np.maximum(norms, _NULL_RTOL * size))[:, norms > rounding]
-    return basis
+    inputs, outputs = np.linalg.norm(read, axis=0), np.linalg.norm(drive, axis=1)[:, None]
+    sizes = [
+        np.where(size > 0.0, size, 1.0) for size in (np.linalg.norm(part.B) * inputs, np.linalg.norm(part.C) * outputs)
+    ]
+    n, m, p = len(part.A), read.shape[1], len(drive)
+    A, B, C, order = np.zeros((0, 0)), np.zeros((n, max(m, p))), np.zeros((max(m, p), n)), 0
+    B[:, :m], C[:p] = part.B @ read / sizes[0], drive @ part.C / sizes[1]
+    if n and m and p:
+        A, B, C, order = slycot.tb01pd(n, m, p, part.A, B, C, "M", "N", _RANK_RTOL)
+    return Lti(A[:order, :order], B[:order, :m] * sizes[0], C[:p, :order] * sizes[1], np.zeros((p, m)))
 
 
 def _mirror(model: SecondOrderModel) -> Mirror:
@@ -237,24 +212,16 @@ def _signals(
     mirror: Mirror, subsystems: list[tuple[tuple[str, ...], int]], available: tuple[str, ...], kind: str
 ) -> tuple[list[str], Array]:
     """Return the machine's signals of which those of two subsystems consist, and the matrix from these to them."""
-    sources: dict[tuple[str, int], set[str]] = {}
-    for pair in mirror.pairs:
-        for parity, side in ((1, "sym"), (-1, "anti")):
-            if pair.left is not None:
-                sources[f"{pair.stem}_{side}", parity] = {pair.right, pair.left}
-            elif pair.parity == parity:
-                sources[pair.stem, parity] = {pair.right}
-    used: set[str] = set()
-    for label, parity in ((label, parity) for labels, parity in subsystems for label in labels):
-        names = sources.get((label, parity), {""})
-        if not names <= set(available):
-            side = "symmetric" if parity > 0 else "antisymmetric"
-            raise ValueError(f"{label!r} of the {side} controller must be an {kind} of that subsystem of `model`.")
-        used |= names
-    machine, columns = [name for name in available if name in used], []
+    pairs = [[name for name in (pair.right, pair.left) if name is not None] for pair in mirror.pairs]
+    complete = {name for pair in pairs if set(pair) <= set(available) for name in pair}
+    machine, columns = [name for name in available if name in complete], []
     for labels, parity in subsystems:
-        result = mirror.signals(machine, parity)
-        if result is None:
-            raise ValueError(f"`model` must have both signals of each pair, got {', '.join(machine)}.")
-        columns.append(result[0][:, [result[1].index(label) for label in labels]])
-    return machine, np.hstack(columns)
+        matrix, stems = mirror.signals(machine, parity) or (np.zeros((len(machine), 0)), ())
+        for label in labels:
+            if label not in stems:
+                side = "symmetric" if parity > 0 else "antisymmetric"
+                raise ValueError(f"{label!r} of the {side} controller must be an {kind} of that subsystem of `model`.")
+            columns.append(matrix[:, stems.index(label)])
+    both = np.reshape(columns, (-1, len(machine))).T
+    used = np.flatnonzero(both.any(axis=1))
+    return [machine[k] for k in used], both[used]

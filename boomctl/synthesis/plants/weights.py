@@ -15,13 +15,6 @@ def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> control.State
     return control.ss(A, B, C, [[D]], inputs="in", outputs="out")
 
 
-def _order(value: object) -> int:
-    order = whole("order", value)
-    if order > 2:
-        raise ValueError(f"`order` must be 1 or 2, got {order}.")
-    return order
-
-
 def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list[float]]]:
     """Return ``A, B`` with the states ``corner^2/d`` and ``corner s/d``, ``d = s^2 + 2 damping corner s + corner^2``."""
     return [[0.0, corner], [-corner, -2.0 * damping * corner]], [[0.0], [corner]]
@@ -59,7 +52,7 @@ def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = 
     array([2.   , 1.414, 0.02 ])
     """
     g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping_ratio", damping_ratio)
-    if _order(order) == 1:
+    if whole("order", order, most=2) == 1:
         return _filter([[-w]], [[w]], [[g]], 0.0)
     return _filter(*_second(w, zeta), [[g, 0.0]], 0.0)
 
@@ -96,7 +89,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float =
     array([0.   , 1.414, 2.   ])
     """
     g, w, zeta = real("gain", gain), positive("corner", corner), positive("damping_ratio", damping_ratio)
-    if _order(order) == 1:
+    if whole("order", order, most=2) == 1:
         return _filter([[-w]], [[w]], [[-g]], g)
     return _filter(*_second(w, zeta), [[-g, -2.0 * g * zeta]], g)
 
@@ -168,7 +161,7 @@ def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> c
     array([10. ,  1. ,  0.1])
     """
     a, b, w = positive("low_gain", low_gain), positive("high_gain", high_gain), positive("corner", corner)
-    count = _order(order)
+    count = whole("order", order, most=2)
     ratio = (b / a) ** (1.0 / count)
     # each factor is (1 + ratio s/pole)/(1 + s/pole) = ratio + (1 - ratio)/(1 + s/pole)
     pole = w * np.sqrt(ratio)
