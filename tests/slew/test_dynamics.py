@@ -1,36 +1,17 @@
 """Explicit steps of a slew and their derivatives: orders, exact cases, differences."""
 
-import math
-
 import casadi as ca
-import mpmath
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.simulation.machine.exponential_step import stumpff
 from boomctl.slew.dynamics import kind_of, step_of
 from boomctl.slew.end_map import Steps, end_map
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.torque import held
-from tests.profiles import examples
 
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
-
-
-@examples(60)
-@given(st.floats(1e-8, 1e4))
-def test_stumpff_functions(y):
-    symbol = ca.SX.sym("y")
-    values = np.array(ca.Function("c", [symbol], [ca.vertcat(*stumpff(symbol))])(y)).ravel()
-    with mpmath.workdps(40):
-        for k, value in enumerate(values, start=1):
-            exact = mpmath.hyper([1], [mpmath.mpf(k + 1) / 2, mpmath.mpf(k + 2) / 2], -mpmath.mpf(y) / 4)
-            # away from 0 the functions oscillate about 1/y: that is the size to compare with
-            assert value == pytest.approx(float(exact / math.factorial(k)), rel=1e-12, abs=1e-14 / max(1.0, y))
 
 
 def _end(plant, steps, torque=150.0, duration=0.8):
