@@ -26,7 +26,7 @@ FIRST_LEVEL = 0.95  # Excess of the first level over the lower bound, relative t
 _SEARCH_RTOL = 0.25  # Accuracy of the lowest level, relative to rtol.
 _SECANT_MARGIN = 0.5  # Excess of a level over the secant, relative to rtol and slope, so that it is reached.
 _FIRST_GROWTH, _MAX_GROWTH = 1.1, 1e10  # Growth of the first levels, squared with each one that is not reached.
-_MAX_LEVELS = 70  # Every third one halves the interval; 20 halvings reduce a ratio of 1e9 to 1 + 2e-5.
+_MAX_LEVELS = 80  # Every fourth one halves the interval; 20 halvings reduce a ratio of 1e9 to 1 + 2e-5.
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
 _SLOWEST = 1e-9  # Poles below this fraction of the fastest one set no frequency of the bound.
 _ZERO_LEVEL = 1e-8  # A level below this fraction of the gain of the plant is zero.
@@ -127,7 +127,7 @@ def _bisected(
 ) -> list[Level]:
     """Return levels among which the lowest one reached is as close to a lower bound as requested.
 
-    The levels grow until one is reached. Then the interval is divided at the secant or, every third time, halved.
+    The levels grow until one is reached. Then the interval is divided at the secant or, every fourth time, halved.
     """
     size, tolerance = _gain(ready), _SEARCH_RTOL * rtol
     low, high, levels = max(frequency, relaxed.radius), np.inf, [relaxed]
@@ -144,7 +144,7 @@ def _bisected(
         secant = _secant(levels, tolerance)
         if np.isfinite(high):
             middle = float(np.sqrt(max(low, 1e-3 * high) * high))  # three decades, if there is no lower bound
-            gamma = secant if low < secant < high and len(levels) % 3 else middle
+            gamma = secant if low < secant < high and len(levels) % 4 else middle
             continue
         if growth > _MAX_GROWTH:
             raise SynthesisError(f"No level up to {gamma:.3g} is reached: {level.reason}.")
