@@ -19,6 +19,7 @@ from boomctl.analysis.norm import (
 )
 from boomctl.analysis.sum_over_modes import bounds
 from boomctl.lti.gramians import gramian, refined_gramian
+from boomctl.lti.modal import sides
 from boomctl.lti.rounding import CERTIFIED, EPS, EXACT_STATES
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
@@ -88,7 +89,8 @@ def _norm(given: Lti, system: Lti) -> NormBounds:
     infinite, hidden = at_boundary(system, bounds(system))
     if infinite is not None:
         if not infinite.verified:
-            return _between(0.0, 0.0, inf, infinite.method)
+            decays = (sides(system.poles, system.dt) < 0).all()
+            return _between(0.0, _by_gramians(system).value if decays else inf, inf, infinite.method)
         pole = (
             system.rates[int(np.argmax(system.rates.real))] if infinite.method == UNSTABLE else 1j * infinite.peak_omega
         )
@@ -129,7 +131,7 @@ def _by_gramians(system: Lti) -> NormBounds:
         if abs(value - other) <= _AGREED * value < inf:
             room = _MARGIN * value
             return _between(value - room, value, value + room, BY_GRAMIANS, verified=True)
-    return _between(0.0, value if value < inf else 0.0, inf, NOT_AGREED)
+    return _between(0.0, value if value < inf else inf, inf, NOT_AGREED)  # Not a number: of a pole that does not decay.
 
 
 def _by_exact_arithmetic(system: Lti, known: NormBounds) -> NormBounds:

@@ -92,6 +92,7 @@ def test_light_damping_has_a_norm_and_its_sign_is_told(damping, omega):
             peak = 1.0 / (2.0 * zeta * w)
             assert norm.lower_bound <= peak * (1.0 + zeta) + 2.0
             assert norm.upper_bound >= peak - 2.0
+            assert energy.value > 0.0
 
 
 @pytest.mark.parametrize("spread", [1e3, 1e8, 1e13])
@@ -110,6 +111,7 @@ def test_what_only_rounding_decides_is_not_certified_finite(A, seed):
     system = turned(beside(np.array(A), np.eye(n)[:, -1:], np.eye(n)[0]), seed)
     for norm in (bc.hinf_norm(system), bc.h2_norm(system)):
         assert norm.upper_bound == np.inf
+        assert norm.value > 0.0
     hidden = turned(beside(np.array(A), np.zeros((n, 1)), np.eye(n)[0]), seed)
     norm = bc.hinf_norm(hidden)
     assert norm.lower_bound == np.inf or norm.upper_bound == np.inf or not norm.certified
