@@ -105,18 +105,16 @@ class SplitModel:
         """Return a model with its parts; a half without inputs or outputs is none."""
         return cls(model, (model,) if model._halves is None else model._halves)
 
-    def singular_values(self, omega: Array, quiet: bool = False) -> Array:
+    def singular_values(self, omega: Array) -> Array:
         """Return the singular values, descending, shape (min(outputs, inputs), frequencies)."""
-        del quiet  # nothing is answered from beside a frequency: an infinite response is refused
         count = min(len(self.model.input_labels), len(self.model.output_labels))
         result = [singular_values(respond_whole(part.structure, part.ports, omega)) for part in self.parts]
         if [len(values) for values in result] == [1, 1]:
             return np.array([np.maximum(*result)[0], np.minimum(*result)[0]])[:count]
         return -np.sort(-np.vstack([*result, np.zeros((count, len(omega)))]), axis=0)[:count]
 
-    def response(self, omega: Array, quiet: bool = False) -> Array:
+    def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        del quiet
         return respond(self.model.structure, self.model.ports, omega)
 
     def resonances(self, high: float | None = None) -> Resonances:
