@@ -183,7 +183,7 @@ class Family:
             np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
             for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
-        structure = Structure.of(M, C, K, c.coordinates, c._mirror)
+        structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror)
         structure = replace(structure, outline=c.structure.outline)
         return SecondOrderModel.of(structure, replace(c.ports, B=B, L=L))
 

@@ -60,16 +60,11 @@ class ExactLayout:
         N, R, S_d = (np.zeros((len(rows), 0)) for rows in (rigid.N, rigid.R, S))
         return cls(rigid, S, ports, (N, R, S_d), np.zeros((len(ports.outputs), 0)))
 
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return self.rigid.n
-
     @cached_property
     def terms(self) -> Array:
         """What each weight adds to the dynamic stiffness of all coordinates."""
         rows = self.rigid.N, self.rigid.R, self.S
-        return unit_terms(rows, rows, np.zeros((self.n, self.n)))
+        return unit_terms(rows, rows, np.zeros((self.rigid.n, self.rigid.n)))
 
     def rows(self, P: Array) -> tuple[Array, Array, Array]:
         """Return ``N, R, S`` over coordinates ``z`` with ``q = P z``."""
@@ -108,16 +103,6 @@ class ExactModel:
     layout: ExactLayout
     weights: Weights
     segments: tuple[BeamSegment, ...]
-
-    @property
-    def ports(self) -> Ports:
-        """Inputs and outputs."""
-        return self.layout.ports
-
-    @property
-    def coordinates(self) -> tuple[str, ...]:
-        """Names of the coordinates."""
-        return self.layout.rigid.coordinates
 
     def prescribed(self, inputs: Sequence[str]) -> "ExactModel":
         """Return the structure with the motion of the points of the force inputs named imposed."""
@@ -172,7 +157,7 @@ class ExactModel:
     @cached_property
     def strains(self) -> StrainSystem:
         """The free coordinates' rows, ready for strain coordinates."""
-        n = self.layout.n
+        n = self.layout.rigid.n
         left = self.layout.rigid.N, self.layout.rigid.R, self.layout.S
         N, R, S = (np.zeros((len(rows), 0)) for rows in left)
         return StrainSystem(left, (N, R, S), np.zeros((n, 0)), self.weights, self.segments)
@@ -262,7 +247,7 @@ def _arranged(
     if any(bandwidth is not None for bandwidth in ports.bandwidths):
         raise ValueError("the exact beam offers outputs without a bandwidth only")
     if mirror is None:
-        motions = [(np.eye(layout.n), np.eye(shape[1]), np.eye(shape[0]))]
+        motions = [(np.eye(layout.rigid.n), np.eye(shape[1]), np.eye(shape[0]))]
     else:
         motions = []
         for parity in (1, -1):

@@ -228,9 +228,9 @@ def _reachable(A: Array, columns: Array, rtol: float, rounding: float) -> Array:
 
 def _mirror(model: SecondOrderModel) -> Mirror:
     instance("model", model, SecondOrderModel)
-    if model._mirror is None:
+    if model.structure.mirror is None:
         raise ValueError("`model` must have mirror symmetry, such as spray_boom with a symmetric mesh.")
-    return model._mirror
+    return model.structure.mirror
 
 
 def _signals(
