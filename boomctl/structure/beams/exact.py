@@ -123,13 +123,7 @@ class ExactModel:
         groups, direct = _arranged(self.layout, self.layout.rigid.mirror, tuple(inputs), tuple(outputs))
         weights = term_weights(self.weights, self.segments)
         coefficients = [np.stack([(weights @ part.terms).T for part in parts], axis=1) for parts in groups]
-        return PreparedResponse(groups, direct, self.weights, self.segments, tuple(coefficients), self._even)
-
-    @property
-    def _even(self) -> bool:
-        """Whether no segment is so short that nodal stiffnesses lose digits."""
-        soft = [part.length / part.bending_stiffness ** (1 / 3) for part in self.segments]
-        return not soft or sum(soft) <= _UNEVEN ** (1 / 3) * min(soft)
+        return PreparedResponse(groups, direct, self.weights, self.segments, tuple(coefficients))
 
     def response(self, omega: Array, inputs: Sequence[str], outputs: Sequence[str]) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies), of displacement outputs."""
@@ -271,7 +265,7 @@ class PreparedResponse:
     """The frequency response of a structure with exact beams, but for frequency.
 
     ``coefficients`` are, for each group of parts of one pattern, those of its numbers over ``1, s, s^2`` and the functions
-    of the kinds of segments; ``even`` is whether no segment is short.
+    of the kinds of segments.
     """
 
     groups: tuple[Parts, ...]
@@ -279,7 +273,6 @@ class PreparedResponse:
     weights: Weights
     segments: tuple[BeamSegment, ...]
     coefficients: tuple[Array, ...]
-    even: bool
 
     def at(self, omega: Array) -> Array:
         """Return the response, shape (outputs, inputs, frequencies), at ``omega`` [rad/s].
@@ -298,7 +291,8 @@ class PreparedResponse:
         """
         if (omega == 0.0).any() and any(system.at_rest.rigid for _, system in self._strained):
             raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
-        if not self.even:
+        soft = [part.length / part.bending_stiffness ** (1 / 3) for part in self.segments]
+        if soft and sum(soft) > _UNEVEN ** (1 / 3) * min(soft):
             return self._in_strains(omega)
         response = np.tile(self.direct[:, :, None].astype(complex), len(omega))
         functions, lost = _functions(kinds_of(self.segments), 1j * omega), np.zeros(len(omega), dtype=bool)
