@@ -91,22 +91,12 @@ class _Modes:
         p, m = len(lines), columns.shape[1]
         left, right = np.concatenate([lines, self.u.T]), np.concatenate([columns.T, self.u.T])
         products = (left[:, None] * right).reshape(len(left) * len(right), -1)
+        damping, elastic = self.beta * omega, 1.0 - self.mass[:, None] * (omega * omega)
+        size = 1.0 / (elastic * elastic + damping * damping)
         both = np.empty((len(products), len(omega)), complex)
-        both.real, both.imag = (products @ part for part in self._inverse(omega))
+        both.real, both.imag = products @ (elastic * size), products @ (-damping * size)
         both = both.reshape(len(left), len(right), -1)
         return both[:p, :m] - self._update(both, p, m, omega) if len(self.gamma) else both
-
-    def _inverse(self, omega: Array) -> tuple[Array, Array]:
-        """Return real and imaginary part of ``1/(1 + i omega beta - omega^2 mass)``, in place: half of the time here."""
-        damping = self.beta * omega
-        real = self.mass[:, None] * (-omega * omega)
-        real += 1.0
-        size = real * real
-        size += damping * damping
-        np.reciprocal(size, out=size)
-        real *= size
-        size *= -damping
-        return real, size
 
     def _update(self, both: Array, p: int, m: int, omega: Array) -> Array:
         """Return Woodbury's term of the dampers.
