@@ -215,14 +215,15 @@ class Assembly:
                 moving += [body.mass, body.mass, body.inertia]
             else:
                 moving.append(sum(section.length * section.mass_per_length for section in body.segments))
-        m, c, k = [moving], [[link.damping for link in self.springs]], [[link.stiffness for link in self.springs]]
+        c, k = [link.damping for link in self.springs], [link.stiffness for link in self.springs]
+        parts = [[np.array(item, dtype=float)] for item in (moving, c, k)]
         for beam, mesh in zip(self._beams(), meshes, strict=False):
             sections = [(s.mass_per_length, s.bending_stiffness, s.stiffness_damping) for s in beam.segments]
             mass, stiffness, damping = np.array(sections, dtype=float).T[:, mesh.section]
-            m.append(mesh.inertia.weights(mass))
-            c.append(mesh.strain.weights(stiffness * damping))
-            k.append(mesh.strain.weights(stiffness))
-        return Weights(*(np.concatenate(item, dtype=float) for item in (m, c, k)))
+            parts[0].append(mesh.inertia.weights(mass))
+            parts[1].append(mesh.strain.weights(stiffness * damping))
+            parts[2].append(mesh.strain.weights(stiffness))
+        return Weights(*(np.concatenate(part) for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
