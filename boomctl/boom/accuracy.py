@@ -121,7 +121,7 @@ def _error_of(
             f"accuracy: the exact response is infinite at {undamped[0].imag / (2.0 * np.pi):.4g} Hz, where nothing damps it;"
             f" expected damping, or a band below it"
         )
-    ports = exact.layout.ports
+    ports = exact.ports
     rows = _groups(ports.outputs, ("tip", "nozzle"), ("stroke",), ("cradle",))
     columns = _groups(ports.inputs, ("actuator",), ("suspension", "cradle"))
     blocks = [np.ix_(i, j) for i in rows for j in columns]

@@ -48,7 +48,7 @@ def exact_boom(
 @lru_cache(maxsize=8)
 def _exact_boom(parameters: BoomParameters, nozzles: tuple[float, ...]) -> ExactModel:
     model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).to_exact()
-    return model.mirrored(boom_mirror(model.layout.rigid.coordinates, nozzles))
+    return model.mirrored(boom_mirror(model.coordinates, nozzles))
 
 
 @lru_cache(maxsize=16)
@@ -104,7 +104,7 @@ def exact_frequency_response(
     instance("parameters", parameters, BoomParameters)
     grid = frequencies("omega", omega)
     known("excitation", excitation, (*MOTIONS, "force"))
-    ports = _exact_boom(parameters, ()).layout.ports
+    ports = _exact_boom(parameters, ()).ports
     ins, outs = some_names("input", inputs, ports.inputs), some_names("output", outputs, ports.outputs)
     response = _prepared(parameters, excitation == "force", ins, outs).at(grid)
     integrations = MOTIONS.index(excitation) if excitation in MOTIONS else 0

@@ -104,6 +104,16 @@ class ExactModel:
     weights: Weights
     segments: tuple[BeamSegment, ...]
 
+    @property
+    def ports(self) -> Ports:
+        """Inputs and outputs."""
+        return self.layout.ports
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """Names of the coordinates."""
+        return self.layout.rigid.coordinates
+
     def prescribed(self, inputs: Sequence[str]) -> "ExactModel":
         """Return the structure with the motion of the points of the force inputs named imposed."""
         return replace(self, layout=_prescribed(self.layout, tuple(inputs)))
