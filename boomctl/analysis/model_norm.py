@@ -83,7 +83,7 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
     if isinstance(system, SecondOrderModel):
         system = system.between()
         # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
-        small = system._mirror is not None and system.ncoordinates <= _WHOLE
+        small = system.structure.mirror is not None and system.ncoordinates <= _WHOLE
         if small and (system._modal_form.eigensystem[0].real < 0.0).all():
             result = SplitModel(system, (system,)).norm()
             if result.status == "certified":

@@ -205,11 +205,9 @@ def _parts(
 ) -> list[tuple[SecondOrderModel, Array, Array]]:
     """Return the symmetric halves of a model (or the model), their signals, and how their outputs make up the wanted."""
     inputs = tuple(signals)
-    if model._mirror is not None:
-        ins, outs = (
-            model._mirror.completed(inputs, model.input_labels),
-            model._mirror.completed(outputs, model.output_labels),
-        )
+    mirror = model.structure.mirror
+    if mirror is not None:
+        ins, outs = mirror.completed(inputs, model.input_labels), mirror.completed(outputs, model.output_labels)
         chosen = model.select(ins, outs)
         parts, rows = halves(chosen.structure, chosen.ports), disturbance_rows(signals, ins, (), n)
         if parts is not None:

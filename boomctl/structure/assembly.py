@@ -151,7 +151,7 @@ class Assembly:
             If the joints leave no motion of a point in the direction of a force, a link or an output.
         """
         mechanism = _mechanism(self, exact=False)
-        layout, ports, weights = mechanism.layout, mechanism.ports, mechanism.weights(self)
+        layout, ports, weights = mechanism.rows.rigid, mechanism.rows.ports, self._weights(mechanism.meshes)
         structure = Structure(layout, weights, Outline(self))
         massless = np.flatnonzero(~layout.N[weights.m > 0.0].any(axis=0))
         if len(massless):
@@ -202,21 +202,28 @@ class Assembly:
             for body, mesh, lengths in zip(self._beams(), mechanism.meshes, mechanism.lengths, strict=True)
             for place, length in zip(mesh.section, lengths, strict=True)
         )
-        return ExactModel(mechanism.exact, self._rigid_weights(), segments)
+        return ExactModel(mechanism.rows, self._weights(()), segments)
 
     def _beams(self) -> list[Beam]:
         return [body for body in self.bodies if isinstance(body, Beam)]
 
-    def _rigid_weights(self) -> Weights:
-        """Return the weights of bodies, of beams as they move along their axis, and of links."""
-        m: list[float] = []
+    def _weights(self, meshes: Sequence[BeamMesh]) -> Weights:
+        """Return the weights of bodies, of beams as they move along their axis, and of links; below them, of meshes."""
+        moving: list[float] = []
         for body in self.bodies:
             if isinstance(body, RigidBody):
-                m += [body.mass, body.mass, body.inertia]
+                moving += [body.mass, body.mass, body.inertia]
             else:
-                m.append(sum(section.length * section.mass_per_length for section in body.segments))
+                moving.append(sum(section.length * section.mass_per_length for section in body.segments))
         c, k = [link.damping for link in self.springs], [link.stiffness for link in self.springs]
-        return Weights(np.array(m, dtype=float), np.array(c, dtype=float), np.array(k, dtype=float))
+        parts = [[np.array(item, dtype=float)] for item in (moving, c, k)]
+        for beam, mesh in zip(self._beams(), meshes, strict=False):
+            sections = [(s.mass_per_length, s.bending_stiffness, s.stiffness_damping) for s in beam.segments]
+            mass, stiffness, damping = np.array(sections, dtype=float).T[:, mesh.section]
+            parts[0].append(mesh.inertia.weights(mass))
+            parts[1].append(mesh.strain.weights(stiffness * damping))
+            parts[2].append(mesh.strain.weights(stiffness))
+        return Weights(*(np.concatenate(part) for part in parts))
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,13 +234,9 @@ class Mechanism:
     ----------
     meshes : tuple of BeamMesh
         Of its beams, in their order.
-    layout : Layout
-        ``N``: centers of the bodies and beams along their axes; ``R``: elongations of the links.  Below them, unless the
-        beams are exact, deflections and strains of the beams.
-    exact : ExactLayout
-        The same with the ends of exact beams' segments, if the beams are exact.
-    ports : Ports
-        Inputs and outputs.
+    rows : ExactLayout
+        Rows and signals.  ``N``: centers of the bodies and beams along their axes; ``R``: elongations of the links.  Below
+        them, unless the beams are exact, deflections and strains of the beams; of exact beams the ends of segments, ``S``.
     lengths : tuple of ndarray
         Of the segments of exact beams [m].
     idle : tuple of str
@@ -241,23 +244,9 @@ class Mechanism:
     """
 
     meshes: tuple[BeamMesh, ...]
-    layout: Layout
-    exact: ExactLayout
-    ports: Ports
-    lengths: tuple[Array, ...] = ()
-    idle: tuple[str, ...] = ()
-
-    def weights(self, assembly: Assembly) -> Weights:
-        """Return what the rows of ``layout`` weigh in a machine that moves so, its beams not exact."""
-        rigid = assembly._rigid_weights()
-        m, c, k = [rigid.m], [rigid.c], [rigid.k]
-        for beam, mesh in zip(assembly._beams(), self.meshes, strict=True):
-            sections = [(s.mass_per_length, s.bending_stiffness, s.stiffness_damping) for s in beam.segments]
-            mass, stiffness, damping = np.array(sections, dtype=float).T[:, mesh.section]
-            m.append(mesh.inertia.weights(mass))
-            c.append(mesh.strain.weights(stiffness * damping))
-            k.append(mesh.strain.weights(stiffness))
-        return Weights(np.concatenate(m), np.concatenate(c), np.concatenate(k))
+    rows: ExactLayout
+    lengths: tuple[Array, ...]
+    idle: tuple[str, ...]
 
 
 def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
@@ -350,7 +339,7 @@ def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     described += [f"output {output.name!r} along {output.direction!r}" for output in assembly.outputs]
     largest = [np.abs(x).max(axis=axis, initial=0.0) for x, axis in ((links, 1), (ports.B[0], 0), (ports.L, (0, 2)))]
     idle = [text for text, size in zip(described, np.concatenate(largest), strict=True) if size <= CANCELLED]
-    return Mechanism(meshes, layout, ExactLayout.of(layout, S, ports), ports, lengths, tuple(idle))
+    return Mechanism(meshes, ExactLayout.of(layout, S, ports), lengths, tuple(idle))
 
 
 def _moving(assembly: Assembly, exact: bool) -> tuple[Kinematics, Array, tuple[str, ...]]:

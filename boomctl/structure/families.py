@@ -183,7 +183,7 @@ class Family:
             np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
             for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
-        structure = Structure.of(M, C, K, c.coordinates, c._mirror)
+        structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror)
         structure = replace(structure, outline=c.structure.outline)
         return SecondOrderModel.of(structure, replace(c.ports, B=B, L=L))
 
@@ -278,8 +278,8 @@ class AffineFamily(Family):
         """
         names, low, high, at = _box(ranges, function)
         center = at(np.zeros(len(names)))
-        ends = [at(unit) for unit in np.eye(len(names))]
-        slopes = tuple(((i,), _slope(center, end)) for i, end in enumerate(ends))
+        stacks = _matrices(center, [center, *(at(unit) for unit in np.eye(len(names)))])
+        slopes = tuple(((i,), Slope(*(X[i + 1] - X[0] for X in stacks.values()))) for i in range(len(names)))
         family = cls(names, low, high, center, slopes)
         family._check([at(delta) for delta in tried_points(len(names))])
         return family
@@ -386,7 +386,9 @@ class PolynomialFamily(Family):
 def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel], letters: str = "MCKBL") -> dict[str, Array]:
     """Return matrices of structures and of their signals, stacked; refused where signals are not those of the first."""
     for item in made:
-        _check_alike(first, item)
+        same_signals = (item.input_labels, item.output_labels) == (first.input_labels, first.output_labels)
+        if not same_signals or item.ncoordinates != first.ncoordinates:
+            raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
     return {
         letter: np.array([getattr(item if letter in "MCK" else item.ports, letter) for item in made])
         for letter in letters
@@ -444,16 +446,3 @@ def interval(name: str, given: object) -> tuple[float, float]:
     if low >= high:
         raise ValueError(f"range of {name} = ({low:g}, {high:g}): expected two ascending numbers")
     return low, high
-
-
-def _check_alike(first: SecondOrderModel, other: SecondOrderModel) -> None:
-    """Raise if two structures differ in the number of coordinates or in signals."""
-    same_signals = (other.input_labels, other.output_labels) == (first.input_labels, first.output_labels)
-    if not same_signals or other.ncoordinates != first.ncoordinates:
-        raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
-
-
-def _slope(center: SecondOrderModel, end: SecondOrderModel) -> Slope:
-    _check_alike(center, end)
-    M, C, K = end.M - center.M, end.C - center.C, end.K - center.K
-    return Slope(M, C, K, end.ports.B - center.ports.B, end.ports.L - center.ports.L)

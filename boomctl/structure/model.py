@@ -32,7 +32,6 @@ from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import damped_poles
-from boomctl.structure.symmetry import Mirror
 from boomctl.threads import one_blas_thread
 from boomctl.units import warn_of_units
 
@@ -167,11 +166,6 @@ class SecondOrderModel:
     def coordinates(self) -> tuple[str, ...]:
         """Names of the coordinates."""
         return self.structure.coordinates
-
-    @property
-    def _mirror(self) -> Mirror | None:
-        """The reflection about ``x = 0`` that leaves the model as it is, where there is one."""
-        return self.structure.mirror
 
     @property
     def ncoordinates(self) -> int:
@@ -510,7 +504,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     (array([0.587]), array([0.245]))
     """
     instance("model", model, SecondOrderModel)
-    structure = model.structure.mirrored(model._mirror)
+    structure = model.structure.mirrored(model.structure.mirror)
     if structure.mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
     jolt, yaw = (half(structure, model.ports, parity) for parity in (1, -1))

@@ -954,8 +954,7 @@ class Output:
         if self.relative_to is not None:
             instance(f"relative_to of output {self.name!r}", self.relative_to, Point)
         direction_angle(self.direction)
-        if whole(f"derivative of output {self.name!r}", self.derivative, least=0) > 2:
-            raise ValueError(f"derivative of output {self.name!r} = {self.derivative!r}: expected 0, 1 or 2")
+        whole(f"derivative of output {self.name!r}", self.derivative, 0, 2)
         if self.bandwidth_hz is not None:
             positive(f"bandwidth_hz of output {self.name!r}", self.bandwidth_hz)
 

@@ -51,7 +51,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
         k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # they fall from above zero to below it
         last = np.clip(last, 0, len(x) - 2)
         a, b, at_a, at_b = x[last, k], x[last + 1, k], values[last, k], values[last + 1, k]
-    lost = model.strains.at_rest.unit_rounding * model.layout.n
+    lost = model.strains.at_rest.unit_rounding * model.layout.rigid.n
     with np.errstate(divide="ignore"):
         rounding = np.where(slope > 0.0, lost / slope, 0.0)
     _warn_of_worst(0.5 * (a + b), rounding)

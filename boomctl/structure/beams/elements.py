@@ -48,8 +48,7 @@ class FiniteElements:
     def __post_init__(self) -> None:
         if isinstance(self.elements, (int, np.integer)):
             whole("elements", self.elements, most=MOST_ELEMENTS)
-        if not 3 <= whole("order", self.order, least=3) <= 20:
-            raise ValueError(f"order = {self.order}: expected 3 to 20")
+        whole("order", self.order, 3, 20)
 
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
         """Return the mesh of a beam; what is attached to it need not be at nodes.
@@ -173,31 +172,28 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
         Fewer elements than segments; stations not ascending or not from 0 to the beam's length; an element shorter than
         5e-13 of the beam.
     """
-    nodes = _all_nodes(beam, elements)
-    widths = np.diff(nodes)
-    shortest = int(np.argmin(widths))
-    if widths[shortest] < _SHORTEST * beam.length:
-        raise ValueError(
-            f"beam {beam.name!r}: between {exactly(nodes[shortest])} and {exactly(nodes[shortest + 1])} m its element is"
-            f" {widths[shortest]:.2g} m long; expected at least {from_on(_SHORTEST * beam.length)} m, or one node for both"
-        )
-    return nodes
-
-
-def _all_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     length = beam.length
     ends = np.cumsum([section.length for section in beam.segments])[:-1]
     if isinstance(elements, (int, np.integer)):
         marks = np.concatenate([[0.0], ends, [length]])
-        return shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} segments")
-    nodes = finite_array(f"node stations of beam {beam.name!r}", elements, ndim=1)
-    if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
-        raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")
-    if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
-        span = f"run from {exactly(nodes[0])} to {exactly(nodes[-1])} m"
-        raise ValueError(f"node stations of beam {beam.name!r} {span}; expected 0 to {exactly(length)} m")
-    missing = [end for end in ends if np.abs(nodes - end).min() > 1e-9 * length]
-    return np.sort(np.concatenate([nodes, missing]))
+        nodes = shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} segments")
+    else:
+        nodes = finite_array(f"node stations of beam {beam.name!r}", elements, ndim=1)
+        if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
+            raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")
+        if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:
+            span = f"run from {exactly(nodes[0])} to {exactly(nodes[-1])} m"
+            raise ValueError(f"node stations of beam {beam.name!r} {span}; expected 0 to {exactly(length)} m")
+        missing = [end for end in ends if np.abs(nodes - end).min() > 1e-9 * length]
+        nodes = np.sort(np.concatenate([nodes, missing]))
+    widths = np.diff(nodes)
+    shortest = int(np.argmin(widths))
+    if widths[shortest] < _SHORTEST * length:
+        raise ValueError(
+            f"beam {beam.name!r}: between {exactly(nodes[shortest])} and {exactly(nodes[shortest + 1])} m its element is"
+            f" {widths[shortest]:.2g} m long; expected at least {from_on(_SHORTEST * length)} m, or one node for both"
+        )
+    return nodes
 
 
 def shared_out(marks: Array, elements: int, why: str) -> Array:

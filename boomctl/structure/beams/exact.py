@@ -60,16 +60,11 @@ class ExactLayout:
         N, R, S_d = (np.zeros((len(rows), 0)) for rows in (rigid.N, rigid.R, S))
         return cls(rigid, S, ports, (N, R, S_d), np.zeros((len(ports.outputs), 0)))
 
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return self.rigid.n
-
     @cached_property
     def terms(self) -> Array:
         """What each weight adds to the dynamic stiffness of all coordinates."""
         rows = self.rigid.N, self.rigid.R, self.S
-        return unit_terms(rows, rows, np.zeros((self.n, self.n)))
+        return unit_terms(rows, rows, np.zeros((self.rigid.n, self.rigid.n)))
 
     def rows(self, P: Array) -> tuple[Array, Array, Array]:
         """Return ``N, R, S`` over coordinates ``z`` with ``q = P z``."""
@@ -138,13 +133,7 @@ class ExactModel:
         groups, direct = _arranged(self.layout, self.layout.rigid.mirror, tuple(inputs), tuple(outputs))
         weights = term_weights(self.weights, self.segments)
         coefficients = [np.stack([(weights @ part.terms).T for part in parts], axis=1) for parts in groups]
-        return PreparedResponse(groups, direct, self.weights, self.segments, tuple(coefficients), self._even)
-
-    @property
-    def _even(self) -> bool:
-        """Whether no segment is so short that nodal stiffnesses lose digits."""
-        soft = [part.length / part.bending_stiffness ** (1 / 3) for part in self.segments]
-        return not soft or sum(soft) <= _UNEVEN ** (1 / 3) * min(soft)
+        return PreparedResponse(groups, direct, self.weights, self.segments, tuple(coefficients))
 
     def response(self, omega: Array, inputs: Sequence[str], outputs: Sequence[str]) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies), of displacement outputs."""
@@ -172,7 +161,7 @@ class ExactModel:
     @cached_property
     def strains(self) -> StrainSystem:
         """The free coordinates' rows, ready for strain coordinates."""
-        n = self.layout.n
+        n = self.layout.rigid.n
         left = self.layout.rigid.N, self.layout.rigid.R, self.layout.S
         N, R, S = (np.zeros((len(rows), 0)) for rows in left)
         return StrainSystem(left, (N, R, S), np.zeros((n, 0)), self.weights, self.segments)
@@ -262,7 +251,7 @@ def _arranged(
     if any(bandwidth is not None for bandwidth in ports.bandwidths):
         raise ValueError("the exact beam offers outputs without a bandwidth only")
     if mirror is None:
-        motions = [(np.eye(layout.n), np.eye(shape[1]), np.eye(shape[0]))]
+        motions = [(np.eye(layout.rigid.n), np.eye(shape[1]), np.eye(shape[0]))]
     else:
         motions = []
         for parity in (1, -1):
@@ -286,7 +275,7 @@ class PreparedResponse:
     """The frequency response of a structure with exact beams, but for frequency.
 
     ``coefficients`` are, for each group of parts of one pattern, those of its numbers over ``1, s, s^2`` and the functions
-    of the kinds of segments; ``even`` is whether no segment is short.
+    of the kinds of segments.
     """
 
     groups: tuple[Parts, ...]
@@ -294,7 +283,6 @@ class PreparedResponse:
     weights: Weights
     segments: tuple[BeamSegment, ...]
     coefficients: tuple[Array, ...]
-    even: bool
 
     def at(self, omega: Array) -> Array:
         """Return the response, shape (outputs, inputs, frequencies), at ``omega`` [rad/s].
@@ -313,7 +301,8 @@ class PreparedResponse:
         """
         if (omega == 0.0).any() and any(system.at_rest.rigid for _, system in self._strained):
             raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its response is infinite")
-        if not self.even:
+        soft = [part.length / part.bending_stiffness ** (1 / 3) for part in self.segments]
+        if soft and sum(soft) > _UNEVEN ** (1 / 3) * min(soft):
             return self._in_strains(omega)
         response = np.tile(self.direct[:, :, None].astype(complex), len(omega))
         functions, lost = _functions(kinds_of(self.segments), 1j * omega), np.zeros(len(omega), dtype=bool)

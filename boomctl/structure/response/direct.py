@@ -63,15 +63,12 @@ def respond_whole(structure: Structure, ports: Ports, omega: Array) -> Array:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    if structure.strain_form is not None:
-        free = structure.strain_form.rigid > 0
-    elif not structure.n:
-        return  # a chain that is locked
-    else:
-        scale = np.sqrt(np.abs(np.diag(structure.M)))
-        scale[scale == 0.0] = 1.0
-        size = np.linalg.svd(structure.K / np.outer(scale, scale), compute_uv=False)
-        free = size[-1] <= SOLVED * size[0]
+    form, mass = structure.strain_form, np.abs(structure.M.diagonal())
+    scale = np.sqrt(np.where(mass > 0.0, mass, 1.0))
+    if form is not None:
+        free = form.rigid > 0
+    else:  # a chain that is locked has no coordinates
+        free = structure.n > 0 and SOLVED * np.linalg.cond(structure.K / np.outer(scale, scale)) >= 1.0
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 

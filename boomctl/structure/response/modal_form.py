@@ -25,8 +25,6 @@ SMALL = 60  # Coordinates up to which modes are computed in strain coordinates a
 GRADED = 30.0
 _NOISE = 1e3 * EPS  # Of the largest stiffness over mass: rounding.
 _SPREAD = 1e7  # Of stiffnesses, from which on the softest mode counts as nearly floating.
-_PASSES = 3  # With the shift at the lowest elastic mode.
-_ALIKE = 10.0  # Ratio of the lowest elastic mode's stiffness to the shift, up to which the shift stays.
 # Ratio to the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
 # some units of rounding, and a rotation of such modes mixes in the root of rounding.
 _UNDAMPED = 1e-8
@@ -65,15 +63,11 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
             raise ValueError(f"undamped modes need a symmetric {name}")
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
-    shift = noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
-    stiffness, shapes = _near(structure, shift, count)
-    for _ in range(_PASSES):
-        elastic = stiffness[stiffness > 0.1 * noise]
-        even = len(elastic) == len(stiffness) and stiffness[-1] <= _SPREAD * elastic[0]
-        if even or not len(elastic) or shift / _ALIKE <= elastic[0] <= _ALIKE * shift:
-            break
-        shift = float(elastic[0])
-        stiffness, shapes = _near(structure, shift, count)
+    noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
+    stiffness, shapes = _near(structure, noise, count)
+    elastic = stiffness[stiffness > 0.1 * noise]
+    if len(elastic) and (len(elastic) < len(stiffness) or stiffness[-1] > _SPREAD * elastic[0]):
+        stiffness, shapes = _near(structure, float(elastic[0]), count)
     if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
         return structure.strain_form.modes()
     return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)

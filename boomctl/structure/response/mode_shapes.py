@@ -14,7 +14,7 @@ from boomctl.printing import listed
 from boomctl.structure.matrices import Structure
 from boomctl.structure.response.modal_form import undamped_modes
 
-JOLT, YAW = "jolt", "yaw"  # symmetric and antisymmetric motion, as the halves of a symmetric machine are called
+_KINDS = {1: "jolt", -1: "yaw", 0: ""}  # of symmetric and antisymmetric motion, and of others
 
 
 @dataclass(frozen=True)
@@ -140,18 +140,12 @@ def mode_shapes(structure: Structure, count: int) -> ModeShapes:
         ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
     """
     wanted = whole("count", count, most=structure.n)
-    parts: list[tuple[Array, Array, str]] = []
-    if structure.mirror is not None:
-        for parity, kind in ((1, JOLT), (-1, YAW)):
-            P, half = structure.halves[parity]
-            frequencies, shapes = undamped_modes(half, min(wanted, half.n))
-            parts.append((frequencies, np.asarray(P @ shapes), kind))
-    else:
-        parity = 0 if structure.outline is None else structure.outline.parity
-        parts.append((*undamped_modes(structure, wanted), {1: JOLT, -1: YAW, 0: ""}[parity]))
-    frequencies = np.concatenate([part[0] for part in parts])
-    shapes = np.hstack([part[1] for part in parts])
-    kinds = [part[2] for part in parts for _ in part[0]]
+    parity = 0 if structure.outline is None else structure.outline.parity
+    pieces = {parity: (np.eye(structure.n), structure)} if structure.mirror is None else structure.halves
+    modes = [undamped_modes(piece, min(wanted, piece.n)) for _, piece in pieces.values()]
+    frequencies = np.concatenate([part[0] for part in modes])
+    shapes = np.hstack([P @ part[1] for (P, _), part in zip(pieces.values(), modes, strict=True)])
+    kinds = [_KINDS[parity] for parity, part in zip(pieces, modes, strict=True) for _ in part[0]]
     order = np.argsort(frequencies, kind="stable")[:wanted]
     shapes = signed(shapes[:, order])
     lines = () if structure.outline is None else structure.outline.moved(shapes)

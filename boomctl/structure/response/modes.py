@@ -1,8 +1,8 @@
 """Response at many frequencies from undamped modes, with the dampers as an update of low rank.
 
 In undamped modes the dynamic stiffness is diagonal but for the damping, which is mostly proportional to stiffness but for
-a few dampers.  Woodbury's formula leaves a system with as many equations as there are dampers.  Where strain rows are
-known, modes are refined through these rows, which keep digits that the stiffness matrix of a fine mesh has lost.
+a few dampers.  These are added one after the other, as updates of rank one.  Where strain rows are known, modes are refined
+through these rows, which keep digits that the stiffness matrix of a fine mesh has lost.
 The result is verified at both ends of the frequencies and at the peaks by its residual forces.
 """
 
@@ -87,47 +87,20 @@ class _Modes:
         return cls(V, mass, beta, u, gamma[uneven]) if uneven.sum() <= _MAX_DAMPERS else None
 
     def receptance(self, lines: Array, columns: Array, omega: Array) -> Array:
-        """Return the receptance between lines and columns in modes, (lines, columns, frequencies)."""
+        """Return the receptance between lines and columns in modes, (lines, columns, frequencies), by Woodbury's formula."""
         p, m = len(lines), columns.shape[1]
         left, right = np.concatenate([lines, self.u.T]), np.concatenate([columns.T, self.u.T])
         products = (left[:, None] * right).reshape(len(left) * len(right), -1)
+        damping, elastic = self.beta * omega, 1.0 - self.mass[:, None] * (omega * omega)
+        size = 1.0 / (elastic * elastic + damping * damping)
         both = np.empty((len(products), len(omega)), complex)
-        both.real, both.imag = (products @ part for part in self._inverse(omega))
+        both.real, both.imag = products @ (elastic * size), products @ (-damping * size)
         both = both.reshape(len(left), len(right), -1)
-        return both[:p, :m] - self._update(both, p, m, omega) if len(self.gamma) else both
-
-    def _inverse(self, omega: Array) -> tuple[Array, Array]:
-        """Return real and imaginary part of ``1/(1 + i omega beta - omega^2 mass)``, in place: half of the time here."""
-        damping = self.beta * omega
-        real = self.mass[:, None] * (-omega * omega)
-        real += 1.0
-        size = real * real
-        size += damping * damping
-        np.reciprocal(size, out=size)
-        real *= size
-        size *= -damping
-        return real, size
-
-    def _update(self, both: Array, p: int, m: int, omega: Array) -> Array:
-        """Return Woodbury's term of the dampers.
-
-        ``both`` pairs ``p`` lines, then the dampers, with ``m`` columns, then the dampers.
-        """
-        into, out, small = both[p:, :m], both[:p, m:], both[p:, m:].copy()
-        for j, gamma in enumerate(self.gamma):
-            small[j, j].imag -= 1.0 / (gamma * omega)
-        if len(small) == 1:
-            return out * (into / small)
-        if len(small) == 2:
-            (a, b), (_, d) = small
-            inverse = 1.0 / (a * d - b * b)
-            first = (d * out[:, 0] - b * out[:, 1]) * inverse
-            second = (a * out[:, 1] - b * out[:, 0]) * inverse
-            return first[:, None] * into[0] + second[:, None] * into[1]
-        if not np.isfinite(small).all():
-            return np.full((p, m, len(omega)), np.nan, dtype=complex)
-        solved = np.linalg.solve(np.moveaxis(small, 2, 0), np.moveaxis(into, 2, 0))
-        return np.moveaxis(np.moveaxis(out, 2, 0) @ solved, 0, 2)
+        for j, gamma in enumerate(self.gamma):  # one damper after the other
+            row, pivot = both[p + j], both[p + j, m + j].copy()
+            pivot.imag -= 1.0 / (gamma * omega)
+            both -= both[:, m + j, None] * (row / pivot)
+        return both[:p, :m]
 
 
 def _refined(V: Array, M: Array, stiffness: Array) -> tuple[Array, Array]:

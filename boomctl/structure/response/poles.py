@@ -60,19 +60,15 @@ def damped_poles(structure: Structure, count: int, promised: float = PROMISED) -
         if structure.noise > GRADED * basis[0][0] ** 2:  # poles of rigid motions are then exactly zero
             form = structure.strain_form
         moving = structure if form is not None else structure.projected(basis[1])
-    if form is None:
-        return _lowest(first_order_poles(*moving.matrices), count)
-    poles = form.poles()
-    lowest, slowest = _lowest(poles, count), np.abs(poles[poles != 0.0]).min()
-    warn_of_rounding("the highest eigenfrequency", DIGIT * float(np.abs(lowest[-1]) / slowest), promised)
-    return lowest
-
-
-def _lowest(poles: Array, count: int) -> Array:
+    poles = first_order_poles(*moving.matrices) if form is None else form.poles()
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
-    return upper[np.argsort(upper.imag)][:count]
+    lowest = upper[np.argsort(upper.imag)][:count]
+    if form is not None:
+        share = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())
+        warn_of_rounding("the highest eigenfrequency", share, promised)
+    return lowest
 
 
 def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:

@@ -203,9 +203,9 @@ def _minimal(part: Lti, read: Array, drive: Array) -> Lti:
 
 def _mirror(model: SecondOrderModel) -> Mirror:
     instance("model", model, SecondOrderModel)
-    if model._mirror is None:
+    if model.structure.mirror is None:
         raise ValueError("`model` must have mirror symmetry, such as spray_boom with a symmetric mesh.")
-    return model._mirror
+    return model.structure.mirror
 
 
 def _signals(
