@@ -5,7 +5,7 @@ poles; cells of parameters and frequencies (:mod:`boomctl.analysis.box.response_
 parameters.  Both show that no pole, or no singular value at the level, is on the axis anywhere in them.  A box is connected,
 so that the statement holds throughout if it does at one point.
 
-One rule: a cell of parameters is proved or halved.  At every third halving, and before it is given up, it is tried by cells
+One rule: a cell of parameters is proved or halved.  At every fifth halving, and before it is given up, it is tried by cells
 of parameters and frequencies, as many as take as long as the cells of parameters since.
 """
 
@@ -25,7 +25,7 @@ WORTH = 150  # cells of parameters and frequencies that take as long as one of p
 # Parameters up to which cells of parameters and frequencies are tried: what one costs grows with the square of their number,
 # and beyond some 16 it is that of a cell of parameters alone.
 _MOST_PARAMETERS = 16
-_HALVINGS = 3  # of a cell until those of frequencies are tried: of every eight cells one wastes them (measured: 1 to 4)
+_HALVINGS = 5  # Of a cell until those of frequencies are tried: one of 32 cells wastes them (measured: 3 to 5).
 _SHARE = 4  # times `WORTH` that are tried then: as long as the cells of parameters since take (measured: 1 to 4)
 
 

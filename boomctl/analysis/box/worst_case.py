@@ -133,7 +133,7 @@ def worst_case(
 
     From below, the box's middle, faces and corners are tried, then the neighborhood of the worst of them, and the middles of
     cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
-    parameters, and at every third halving smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
+    parameters, and at every fifth halving smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
     A bound proves besides that the loop is stable over the box.
 
     A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
