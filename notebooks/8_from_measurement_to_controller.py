@@ -55,13 +55,13 @@ def rig(p):
     model = bc.hub_beam(beam, model="sfoam", modes=2).to_second_order()
     friction = np.zeros_like(model.C)
     friction[0, 0] = p["friction"]
-    torque, tip_force = (model.ports.force_column(name) for name in ("torque", "tip_force"))
+    inputs = dict(zip(model.input_labels, model.ports.B[0].T, strict=True))
     outputs = dict(zip(model.output_labels, model.ports.L[0], strict=True))
     return SecondOrderModel(
         model.M,
         model.C + friction,
         model.K,
-        {"torque": p["gain"] * torque, "tip_force": tip_force},
+        {"torque": p["gain"] * inputs["torque"], "tip_force": inputs["tip_force"]},
         {name: outputs[name] for name in ("hub_angle", "tip_displacement")},
     )
 

@@ -554,7 +554,7 @@ class BeamSegment:
         --------
         >>> import boomctl as bc
         >>> steel = {"youngs_modulus": 210e9, "density": 7850.0}
-        >>> tube = bc.structure.rectangular_tube_section(0.04, 0.04, 0.003)
+        >>> tube = bc.structure.rectangular_section(0.04, 0.04, wall=0.003)
         >>> round(bc.structure.BeamSegment.from_cross_section(3.0, tube, **steel).mass_per_length, 4)
         3.4854
         """
