@@ -150,7 +150,8 @@ def yaw_family(
     array([0.34])
     """
     p = boom_parameters(parameters)
-    stiffest = spring_for_yaw(p, max_yaw_frequency_hz, elements, discretization)
+    highest = positive("max_yaw_frequency_hz", max_yaw_frequency_hz)
+    stiffest = spring_for_yaw(p, highest, elements, discretization)
     options = discretization, elements, excitation, accelerometer_bandwidth_hz
     return family_of({"spring_stiffness": (p.spring_stiffness, stiffest)}, p.replace, subsystem, *options)
 
@@ -167,16 +168,14 @@ def spring_for_yaw(
     """
     from scipy import optimize  # Slow to import, and not needed by `boom_family`.
 
-    wanted = positive("frequency_hz", frequency_hz)
-
     def excess(factor: float) -> float:
         changed = scaled_boom(parameters, spring_factor=factor)
         yaw = split_symmetric(spray_boom(changed, discretization, elements))[1]
-        return float(yaw.eigenfrequencies_hz(1)[0]) - wanted
+        return float(yaw.eigenfrequencies_hz(1)[0]) - frequency_hz
 
     if excess(1.0 / _MAX_FACTOR) > 0.0 or excess(_MAX_FACTOR) < 0.0:
         raise ValueError(
-            f"`frequency_hz` must be a first yaw frequency that some spring stiffness yields, got {wanted:g}."
+            f"`max_yaw_frequency_hz` must be a first yaw frequency that some spring stiffness yields, got {frequency_hz:g}."
         )
     factor = float(optimize.brentq(excess, 1.0 / _MAX_FACTOR, _MAX_FACTOR, xtol=1e-12))  # type: ignore[arg-type]
     return factor * parameters.spring_stiffness

@@ -183,7 +183,12 @@ class DesignCertificate:
     @property
     def _on_full_plant(self) -> str:
         """Line of the ``repr`` of a design about the loop on the full plant; empty if nothing was reduced."""
-        return "" if self.full_plant is None else f"\n  {self.full_plant.summary}"
+        if self.full_plant is None:
+            return ""
+        if self.full_plant.stable:
+            _, _, norm = self.full_plant.summary.partition("; ")
+            return f"\n  stable on the full plant{f'; {norm}' if norm else ''}"
+        return f"\n  {'not proved' if self.full_plant.stable is None else 'UNSTABLE'} on the full plant"
 
     @property
     def optimality_gap(self) -> float:
