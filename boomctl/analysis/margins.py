@@ -388,7 +388,7 @@ def margins(
         further = least_further_delay(P, K, delay, i) if dt != 0.0 and P.dt == 0.0 else None
         place = "control" if i < m else "measurement"
         loops.append(_loop_margin(name, place, S.between([i], [i]), float(rounding[i]), further))
-    disks = _disks(S, [range(m), range(m, total), range(total)])
+    disks = _disks(S, [range(m), range(m, total), range(total)], rounding)
     if dt != 0.0:
         costs = [
             f"from {of.alpha:.3g} to {now.alpha:.3g} at all {where}"
@@ -415,7 +415,7 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
     if loop is None or (sides(loop.system.poles, 0.0) >= 0).any():
         return []
     S, m = loop.sensitivity, len(loop.controls)
-    return _disks(S, [range(m), range(m, len(S.D))])
+    return _disks(S, [range(m), range(m, len(S.D))], _rounding(S))
 
 
 def _rounding(S: Lti) -> Array:
@@ -426,23 +426,27 @@ def _rounding(S: Lti) -> Array:
     return np.array(off) / np.maximum(size, 1.0)
 
 
-def _disks(S: Lti, groups: Sequence[Sequence[int]]) -> list[DiskMargin]:
-    """Return the disk margins of groups of signals."""
+def _disks(S: Lti, groups: Sequence[Sequence[int]], rounding: Array) -> list[DiskMargin]:
+    """Return the disk margins of groups of signals; ``rounding`` is that of each signal's sensitivity."""
     poles = S.rates[resolved(S.rates) & np.isfinite(S.rates)]
     size = np.abs(poles) if len(poles) else np.array(EMPTY)
     grid = resonance_grid(
         poles[poles.imag > 0.0], size.min() / BEYOND, min(size.max() * BEYOND, S.nyquist), points=SEARCHED, also=[0.0]
     )
     G = S.response(grid, quiet=True) if len(S.D) > 1 else np.ones((1, 1, 1))
-    return [_disk(S.between(rows, rows), G[np.ix_(rows, rows)]) for rows in groups]
+    return [
+        _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[list(rows)].max(initial=0.0)))
+        for rows in groups
+    ]
 
 
-def _disk(S: Lti, G: Array) -> DiskMargin:
+def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     """Return the disk margin of a sensitivity of response ``G`` at some frequencies; ``S - T = 2 S - 1``.
 
     The largest singular value is convex in the logarithm of a diagonal scaling.  It is minimized over the frequencies at
     which it is largest, and those added at which the scaling found makes it larger still, until there are none.  With very
-    many signals rows and columns are only made alike: whatever the scaling, the margin holds.
+    many signals rows and columns are only made alike: whatever the scaling, the margin holds.  It is verified where rounding
+    of the loop's matrices changes the sensitivity by less than a norm is certified to.
     """
     n, eye = len(S.D), np.eye(len(S.D))
     T = replace(S, C=2.0 * S.C, D=2.0 * S.D - eye)
@@ -458,12 +462,13 @@ def _disk(S: Lti, G: Array) -> DiskMargin:
             best = min(best, norm, key=lambda norm: norm.upper_bound)
             if norm.lower_bound <= reached * (1.0 + LEVEL):
                 break
-    return DiskMargin(2.0 / max(best.upper_bound, 1.0), best.peak_omega, best.verified, best)
+    verified = best.verified and rounding <= CERTIFIED
+    return DiskMargin(2.0 / max(best.upper_bound, 1.0), best.peak_omega, verified, best)
 
 
 def single_disk(S: Lti) -> DiskMargin:
     """Return the disk margin of a loop of one signal, whose sensitivity is given."""
-    return _disk(S, np.ones((1, 1, 1)))
+    return _disk(S, np.ones((1, 1, 1)), float(_rounding(S)[0]))
 
 
 def _scaled_norm(system: Lti, log: Array) -> NormBounds:
@@ -574,7 +579,7 @@ def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: tupl
         phase_margin_omega=phase_omega,
         delay_margin=delay[0],
         delay_margin_omega=delay[1],
-        disk_margin=single_disk(S),
+        disk_margin=_disk(S, np.ones((1, 1, 1)), rounding),
         rounding_error=rounding,
         _sensitivity=S,
     )
