@@ -22,7 +22,7 @@ from tests.exact import Exact, dyadic, loop_is_stable, loop_of, loop_truth, on_a
 from tests.hard_systems import BEYOND, KINDS, hard
 from tests.profiles import is_hunt
 
-ALL = 2000  # systems of the slow tests; of margins, poles and reductions every third
+ALL = 2000  # systems of the slow tests; of poles and reductions every third
 SOME = 300  # of them in the full profile; all for reductions: two refused of so few would be more than SHARE
 FEW = range(45)  # of the quick tests
 SLACK = 1e-12  # relative: what the last digits of a bound may do
@@ -224,7 +224,7 @@ def test_disk_margin_that_rounding_of_the_loop_changes_is_not_certified(seed):
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_what_is_certified_of_all_hard_systems_is_true(quantity):
     seeds = range(ALL if is_hunt() or quantity == "reduce" else SOME)
-    if quantity in ("margins", "poles", "reduce"):
+    if quantity in ("poles", "reduce"):
         seeds = [seed for seed in seeds if seed // len(KINDS) % 3 == 0]  # so many of each kind
     count, false = outcomes(quantity, seeds)
     print(f"\n{table(quantity, count)}")

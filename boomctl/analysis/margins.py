@@ -130,8 +130,8 @@ class LoopMargin:
     disk_margin : DiskMargin
         Its disk margin.
     rounding_error : float
-        How much rounding of the loop's matrices may change ``1/(1 - L)``, relative and to first order; margins have no
-        more digits than that leaves.
+        How much rounding of the loop's matrices may change ``1/(1 - L)``, to first order: relative to it, or absolute
+        where it is below one.  Margins have no more digits than that leaves, gain limits near zero fewer.
 
     Examples
     --------
