@@ -1,6 +1,6 @@
-"""Draws the pictures of README and docs anew: ``python -m tests.pictures [PART OF A PAGE'S NAME ...]``.
+"""Draws the figures of the docs: ``python -m tests.pictures [PART OF A PAGE'S NAME ...]``.
 
-Each shows what stands above it.
+Each figure is the result of the code block above it.
 """
 
 import re
@@ -8,8 +8,8 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-PAGES = (ROOT / "README.md", ROOT / "docs" / "pictures.md", ROOT / "docs" / "designs.md")
-STEP = re.compile(r"```python\n(.*?)```|!\[[^\]]*\]\(((?:docs/)?pictures/\w+\.png)\)", flags=re.DOTALL)
+PAGES = (ROOT / "docs" / "howto" / "plot_results.md", ROOT / "docs" / "reference" / "designs.md")
+STEP = re.compile(r"```python\n(.*?)```|!\[[^\]]*\]\(((?:\.\./)*pictures/\w+\.png)\)", flags=re.DOTALL)
 DOTS_PER_INCH = 80  # some 30 kB a picture
 
 

@@ -49,7 +49,7 @@ BESIDE = (
 
 def _pages():
     found = []
-    for page in sorted(DOCS.glob("*.md")):
+    for page in sorted(DOCS.rglob("*.md")):
         blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), flags=re.DOTALL)
         if blocks:
             found.append(pytest.param(page.name, blocks, id=page.stem))
@@ -194,7 +194,7 @@ def test_the_site_builds_without_a_warning(tmp_path):
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    assert "<math" in (tmp_path / "theory.html").read_text(encoding="utf-8")
+    assert "<math" in (tmp_path / "explanation" / "models.html").read_text(encoding="utf-8")
     result = (tmp_path / "api" / "generated" / "boomctl.analysis.SigmaResult.html").read_text(encoding="utf-8")
     for said in ('href="boomctl.sigma.html', "Angular frequencies [rad/s]", "Draw the singular values", "bc.sigma("):
         assert said in re.sub(r"</?span[^>]*>", "", result)

@@ -69,7 +69,9 @@ def test_words_of_others_are_translated_on_their_page():
     assert set(lazy.TRANSLATED.values()) <= set(boomctl.__all__)
     assert not set(lazy.TRANSLATED) & set(boomctl.__all__)
     assert all(hasattr(control, name) for name in lazy._THEIRS)
-    page = (Path(__file__).parents[1] / "docs" / "other_words.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parents[1] / "docs" / "reference" / "matlab_and_python_control.md").read_text(
+        encoding="utf-8"
+    )
     rows = [line for line in page.splitlines() if line.startswith("| `")]
     table = {word: row.split("|")[2] for row in rows for word in re.findall(r"`(\w+)`", row.split("|")[1])}
     for word, ours in lazy.TRANSLATED.items():

@@ -1,4 +1,4 @@
-"""The scheduled drive of designs/scheduled_spin_up.py: its proof, its simulated spin-ups, the numbers of docs/designs.md."""
+"""The scheduled drive of designs/scheduled_spin_up.py: proof, simulated spin-ups, and the numbers on the page of designs."""
 
 import functools
 import re
@@ -9,7 +9,7 @@ import pytest
 from designs import scheduled_spin_up
 from designs.scheduled_spin_up import FIXED, OPEN, SCHEDULED
 
-_PAGE = Path(__file__).parents[2] / "docs" / "designs.md"
+_PAGE = Path(__file__).parents[2] / "docs" / "reference" / "designs.md"
 _WAYS = {"scheduled": SCHEDULED, "the controller for rest throughout": FIXED, "torque alone": OPEN}
 _MASSES = {"nothing": 0.0, "0.1 kg": 0.1}
 
