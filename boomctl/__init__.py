@@ -1,39 +1,39 @@
 """Control design for flexible structures on a moving base.
 
-What most scripts need stands here, by what one wants to do; the packages offer the rest (``boomctl.boom.write_motion``).
+Functions by task; the packages contain more (``boomctl.boom.write_motion``).
 
 A spray boom
     spray_boom, BoomParameters, split_symmetric, exact_frequency_response, exact_eigenfrequencies_hz; its field:
     iso_track, bump_track, platform_motion, sine_sweep, read_motion, nozzle_positions, spray_deposit,
     spray_deposit_components.
 A rotating hub-beam
-    hub_beam, HubBeamParameters; how its hub moves: spin_up, sine_torque; more in the package ``maneuvers``.
+    hub_beam, HubBeamParameters; motion of its hub: spin_up, sine_torque; more in the package ``maneuvers``.
 Any machine
     the package ``structure``; fit finds its parameters from a measured curve: read_frequency_response; or from a record:
     estimate_frequency_response, identify.
-Look at a system
+Analyze a system
     sigma, compare_sigma, bode, nyquist, pzmap, step, impulse, mode_table, compare.
-Certify it
+Compute norms and margins
     hinf_norm, h2_norm, margins, prove.
-Make it smaller
+Reduce it
     reduce, reduce_controller, scale_signals, unscale_controller, ScaledStateSpace.
 Design a controller
     lqr, kalman, lqg, h2, h_infinity, discretize, gain_schedule; its plant: with_state_outputs,
     generalized_plant, mixed_sensitivity, low_pass, shelf.
-Tune one of a given structure
+Tune a fixed structure
     tune, and the package ``tunable``.
 Close the loop
     feedback_loop, lft, join_symmetric, simulate_loop, forced_response, BeamSensor, CoulombFriction.
-Prove it over a family of plants
+Analyze robustness
     boom_family, robust_stability, worst_case.
-Turn a beam
+Plan a slew
     optimal_slew.
-Many at once, and to and fro
+Run sweeps, read and write
     sweep, progress_callback, Progress, read_controller, write_controller.
 Handle errors and warnings
     the module ``exceptions``.
 
-Names are loaded when first used, so that ``import boomctl`` itself costs next to nothing.
+Names are loaded when first used, so that ``import boomctl`` is quick.
 """
 
 from boomctl.lazy import loader

@@ -1,4 +1,4 @@
-"""The name of the arrays that signatures speak of, and products and scalings of matrices."""
+"""Type of arrays, and products and scalings of matrices."""
 
 from collections.abc import Sequence
 from typing import Any, TypeAlias
@@ -6,18 +6,16 @@ from typing import Any, TypeAlias
 import numpy as np
 
 Array: TypeAlias = np.ndarray[Any, Any]
-"""An array of numbers; the docstring says whether real or complex, and of which shape."""
+"""Array of numbers; docstrings state the type and shape."""
 
-# share of its terms up to which a sum is what rounding left of zero: some 1e4 eps, of which conditions that are solved for
-# coordinates amplify some (a choice)
+# A sum below this fraction of its terms counts as zero: 1e4 eps, because solved conditions amplify rounding errors.
 ROUNDED = 1e-12
 
 
 def combined(lines: Array, T: Array) -> Array:
-    """Return ``lines @ T``; an entry that is rounding of the terms it was summed from is zero.
+    """Return ``lines @ T`` with entries that are rounding errors of their sums set to zero.
 
-    A motion that strains nothing would otherwise strain by rounding, and could be taken for one that is held; a force that
-    does not push it would push it by rounding, and a motion that nothing else holds goes far.
+    Otherwise a rigid motion could have strains, or a force could act on a motion that it does not excite.
     """
     product = lines @ T
     bound = np.outer(np.abs(lines).max(axis=1, initial=0.0), ROUNDED * np.abs(T).sum(axis=0))
@@ -32,26 +30,26 @@ def squared(x: Array) -> Array:
 
 
 def blocks(rows: Sequence[Sequence[Array]]) -> Array:
-    """Return the matrix of these blocks, each of them a matrix: what ``numpy.block`` does, in a tenth of its calls."""
+    """Return the matrix of these blocks, as ``numpy.block`` with fewer calls."""
     return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
 def scaled_to_one(matrix: Array) -> tuple[Array, int]:
-    """Return a matrix whose largest entry is from a half to one in size, and the power of two that gives the one handed in.
+    """Return a matrix scaled to a largest entry from 0.5 to 1, and the power of two of the scaling.
 
-    Eigenvalues of ``LAPACK dgeev`` lose their digits where all entries are below 1e-138 (measured).
+    ``LAPACK dgeev`` is inaccurate if all entries are below 1e-138.
     """
     power = int(np.frexp(np.abs(matrix).max(initial=0.0))[1])
     return np.ldexp(matrix, -power), power
 
 
 def balance(matrix: Array) -> tuple[Array, Array]:
-    """Return a real matrix whose rows and columns have like sizes, and the scales of its coordinates, powers of two.
+    """Balance a real matrix; return it and the scales of its coordinates, powers of two.
 
     Raises
     ------
     ValueError
-        The matrix is not finite.
+        If the matrix is not finite.
     """
     from scipy.linalg import lapack
 

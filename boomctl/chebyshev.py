@@ -1,4 +1,4 @@
-"""Polynomials of several variables, from -1 to 1 in each, through what functions are at points of the box."""
+"""Polynomial approximation of functions of several variables on the box [-1, 1]^n."""
 
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
@@ -11,34 +11,34 @@ from numpy.typing import NDArray
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SOLVED, TINY
 
-_FIRST_POINTS = 5  # at which a polynomial is tried first: enough for squares (a choice)
-_INSIDE = 24  # points drawn at which polynomials are compared, besides the corners (a choice)
-FEW_PARAMETERS = 10  # Parameters of a box up to which all of its corners are tried.
-_TERMS = 2_000  # of polynomials at most (a choice of patience)
-_WIDER = 1.25  # times the shares, where points tried are missed (a choice)
+_FIRST_POINTS = 5  # Chebyshev points of the first approximation; doubled until it suffices.
+_INSIDE = 24  # Random test points, in addition to the vertices.
+FEW_PARAMETERS = 10  # Largest number of parameters for which all vertices are test points.
+_TERMS = 2_000  # Largest number of terms; more raise an error.
+_WIDER = 1.25  # Growth of the total degree if the approximation fails at a test point.
 
 Functions = Callable[[Sequence[Array]], dict[str, Array]]
-"""From points to values of each function there, stacked."""
+"""Function of points that returns the stacked values of each function."""
 
 Sizes = Callable[[Mapping[str, Array]], Mapping[str, Array | float]]
-"""From such values to what of each function is rounding."""
+"""Function of such values that returns the rounding error of each function."""
 
 
 def series(values: Array) -> Array:
-    """Return coefficients of Chebyshev polynomials of one variable, of values at as many Chebyshev points."""
+    """Return Chebyshev coefficients of values at Chebyshev points."""
     count = len(values)
     return np.tensordot(np.linalg.inv(chebyshev.chebvander(chebyshev.chebpts1(count), count - 1)), values, 1)
 
 
 def known_along(at: Callable[[Array], dict[str, Array]], negligible: Sizes, degree: int) -> dict[str, Array]:
-    """Return functions at so many Chebyshev points of a line that what is left is rounding; at degree + 1, if at none fewer.
+    """Return functions at the Chebyshev points of a line, so many that the remainder is rounding; at most degree + 1.
 
     Parameters
     ----------
     at : callable
-        From points of the line to values of each function there, stacked.
+        Function of points of the line that returns the stacked values of each function.
     negligible : callable
-        From such values to what of each function is rounding.
+        Function of such values that returns the rounding error of each function.
     degree : int
         Largest degree of interest.
     """
@@ -52,9 +52,9 @@ def known_along(at: Callable[[Array], dict[str, Array]], negligible: Sizes, degr
 
 
 def points_along(at: Functions, axis: Array, negligible: Sizes, degree: int, spare: int = 0) -> int:
-    """Return at how many points of a variable's range functions are to be known, wherever the others are.
+    """Return the number of Chebyshev points that a variable needs for all values of the others.
 
-    Those are as many as the last coefficient asks for that is more than rounding, and ``spare`` ones.
+    It follows from the last coefficient above rounding, plus ``spare`` points.
     """
 
     def line(places: Array, others: float = 0.0) -> dict[str, Array]:
@@ -71,7 +71,7 @@ def points_along(at: Functions, axis: Array, negligible: Sizes, degree: int, spa
 
 
 def tried_points(size: int) -> list[Array]:
-    """Return the corners of a box, as many drawn ones where there are more than of `FEW_PARAMETERS`, and points inside it."""
+    """Return the vertices of a box (a random sample of them above `FEW_PARAMETERS`), and random points inside it."""
     rng = np.random.default_rng(0)
     inside = rng.uniform(-1.0, 1.0, (_INSIDE, size))
     if size > FEW_PARAMETERS:
@@ -88,33 +88,33 @@ def fitted(
     what: str,
     groups: Sequence[Sequence[int]] = (),
 ) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array], float]:
-    """Return functions as polynomials, by how much each entry is missed, and the largest miss over what is rounding.
+    """Return functions as polynomials, the error of each entry, and the largest error relative to rounding.
 
-    Products of Chebyshev polynomials are taken whose degrees, each as a share of what its axis needs, add up to one, then to
-    more, until all points are met or there are no more.  Coefficients are least squares at twice as many points, which lie as
-    Chebyshev's do (Cohen & Migliorati 2017).
+    The basis contains products of Chebyshev polynomials. The sum of their degrees, each relative to the degree that its axis
+    needs, is limited by one, then by more, until all test points agree. Coefficients are least squares at twice as many
+    Chebyshev-distributed points (Cohen & Migliorati 2017).
 
     Parameters
     ----------
     at : callable
-        From points to values of each function there, stacked.
+        Function of points that returns the stacked values of each function.
     counts : sequence of int
-        How many points each axis needs.
+        Number of points that each axis needs.
     wanted : mapping
         Values at `tried_points`.
     negligible : callable
-        From values to what of each function is rounding.
+        Function of values that returns the rounding error of each function.
     exact : float
-        By how many times that points may be missed.
+        Largest error at a test point, relative to rounding.
     what : str
-        What the polynomials are of, in the words of an error.
+        Name of the functions in error messages.
     groups : sequence of sequence of int
-        Variables that may meet in a product, each in one group; by default all may.
+        Groups of variables that may occur in one product; by default one group of all.
 
     Raises
     ------
     ValueError
-        More terms than can be handled.
+        If the polynomials need too many terms.
     """
     size, rng = len(counts), np.random.default_rng(2)
     places, stacks, reach = np.zeros((0, size)), {}, 1.0
@@ -144,7 +144,7 @@ def fitted(
 def _degrees_of_groups(
     counts: Sequence[int], reach: float, groups: Sequence[Sequence[int]]
 ) -> tuple[NDArray[np.int_], float]:
-    """Return the degrees of products of variables of one group, and the least sum beyond the reach."""
+    """Return the degrees of products of variables of one group, and the smallest sum above the limit."""
     result, least = [np.zeros((1, len(counts)), int)], inf
     for group in groups:
         own, beyond = _degrees([counts[i] for i in group], reach)
@@ -156,9 +156,9 @@ def _degrees_of_groups(
 
 
 def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], float]:
-    """Return degrees, each below its count, that add up to a reach as shares of the largest, and the least sum beyond.
+    """Return the degrees, each below its count, whose relative sum is within a limit, and the smallest sum above it.
 
-    It ends where there are more of them than can be handled.
+    It ends where there are too many terms.
     """
     chosen, beyond = [((), 0.0)], inf
     for count in counts:
@@ -177,7 +177,7 @@ def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], flo
 
 
 def _products(places: Array, degrees: Array) -> Array:
-    """Return products of Chebyshev polynomials at places (n, k): (n, terms)."""
+    """Return products of Chebyshev polynomials at points (n, k): (n, terms)."""
     result = np.ones((len(places), len(degrees)))
     for x, degree in zip(places.T, degrees.T, strict=True):
         result *= np.cos(np.arccos(np.clip(x, -1.0, 1.0))[:, None] * degree)
@@ -185,7 +185,7 @@ def _products(places: Array, degrees: Array) -> Array:
 
 
 def _in_powers(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:
-    """Return a sum of products of Chebyshev polynomials as one of powers, which are among the same degrees."""
+    """Return a sum of products of Chebyshev polynomials as a sum of powers of the same degrees."""
     most = int(degrees.max(initial=0)) + 1
     table = np.array([np.pad(chebyshev.cheb2poly(np.eye(most)[k, : k + 1]), (0, most - 1 - k)) for k in range(most)])
     change = np.ones((len(degrees), len(degrees)))

@@ -1,4 +1,4 @@
-"""Checks at the boundary: bad input is refused in one line that names parameter, value and what was expected."""
+"""Checks of input: errors in one line that name parameter, value and requirement."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.exceptions import BoomctlWarning
 
-_FASTEST = 1e60  # rad/s; of what is faster, the fourth power times a mass may be beyond all numbers (a choice)
+_FASTEST = 1e60  # rad/s; the fourth power of larger frequencies may overflow.
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
-# sizes of numbers that a parameter may have: products and quotients of three of them are numbers still (a choice)
+# Magnitudes of parameters; products and quotients of three of them do not overflow.
 _SMALLEST, _LARGEST = 1e-100, 1e100
 _MOST_JOBS = 1000  # parallel jobs: far more than cores, fewer than joblib allows
-_FEW = 7  # digits of a limit in a message (a choice)
+_FEW = 7  # Digits of a limit in a message.
 _INNER = {"boomctl", "contextlib", "functools"}  # packages whose calls are not the user's
-_SHOWN = 60  # letters of a value in a message: enough to know it by (a choice)
+_SHOWN = 60  # Letters of a value in a message.
 _Kind = TypeVar("_Kind")
 
 
 def shown(value: object) -> str:
-    """Return a value as a message shows it: in one line, and no long one."""
+    """Return a value as text for a message, in one short line."""
     text = " ".join(repr(value).split())
     return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
 
 
 def warn_user(message: str, category: type[Warning] = BoomctlWarning) -> None:
-    """Warn at the line that called the library, however many of its own calls lie between."""
+    """Issue a warning at the line that called the library."""
     frame = sys._getframe(1)
     while frame.f_globals.get("__name__", "").partition(".")[0] in _INNER and frame.f_back is not None:
         frame = frame.f_back
@@ -45,18 +45,18 @@ def warn_user(message: str, category: type[Warning] = BoomctlWarning) -> None:
 
 
 def exactly(value: float) -> str:
-    """Return a number in as few digits as tell it from all others: two that differ never read alike."""
+    """Return a number in as few digits as identify it."""
     short = f"{value:g}"
     return short if float(short) == value else repr(float(value))
 
 
 def up_to(limit: float) -> str:
-    """Return a number of few digits that is not above a limit: what a message offers is then allowed."""
+    """Return a number of few digits that is not above a limit, for messages."""
     return _towards(limit, ROUND_FLOOR)
 
 
 def from_on(limit: float, digits: int = _FEW) -> str:
-    """Return a number of few digits that is not below a limit: what a message offers is then allowed."""
+    """Return a number of few digits that is not below a limit, for messages."""
     return _towards(limit, ROUND_CEILING, digits)
 
 
@@ -68,9 +68,9 @@ def _towards(limit: float, rounding: str, digits: int = _FEW) -> str:
 
 
 def instance(name: str, value: object, kind: type[_Kind] | tuple[type[_Kind], ...], expected: str = "") -> _Kind:
-    """Return ``value`` if it is of a kind; a TypeError names what was expected, and what makes one.
+    """Return ``value`` if it is an instance of a class; a TypeError names the class and how to make an instance.
 
-    What makes one, where it is not the class itself, stands in the class as ``_made_by``.
+    The attribute ``_made_by`` of the class names the function that makes instances, if it is not the class.
     """
     if not isinstance(value, kind):
         kinds = kind if isinstance(kind, tuple) else (kind,)
@@ -89,7 +89,7 @@ def truth(name: str, value: object) -> bool:
 
 
 def sequence(name: str, value: object, of: str = "values") -> tuple[Any, ...]:
-    """Return what a sequence holds; a text, and what is no sequence, are a TypeError."""
+    """Return the items of a sequence; a string or no sequence raises a TypeError."""
     if type(value) is tuple:  # nearly every one is
         return value
     unmasked(name, value)
@@ -106,7 +106,7 @@ def mapping(name: str, value: object, of: str) -> Mapping[Any, Any]:
 
 
 def function_of(name: str, value: object, of: str) -> Callable[..., Any]:
-    """Return ``value`` if it is a function; a system, which can be called with a frequency, is none."""
+    """Return ``value`` if it is a function; a system of python-control is not."""
     if not callable(value) or hasattr(value, "ninputs"):
         raise TypeError(f"{name} = {shown(value)}: expected a function of {of}, got {type(value).__name__}")
     return value
@@ -131,9 +131,9 @@ def real(name: str, value: object) -> float:
     Raises
     ------
     TypeError
-        ``value`` is not a real number.
+        If ``value`` is not a real number.
     ValueError
-        ``value`` is not finite.
+        If ``value`` is not finite.
     """
     if type(value) is float and -_LARGEST <= value <= _LARGEST:  # as nearly all of a model's hundred values
         return value
@@ -203,7 +203,7 @@ def unmasked(name: str, value: object) -> None:
 
 
 def plain_array(name: str, value: ArrayLike) -> Array:
-    """Return ``value`` as an array of its own type; masked arrays and rows of different lengths are refused by name."""
+    """Return ``value`` as an array of its own type; masked arrays and rows of different lengths raise an error."""
     unmasked(name, value)
     try:
         return np.asarray(value)
@@ -239,12 +239,12 @@ def span(name: str, value: ArrayLike) -> tuple[float, float]:
 
 
 def no_signals(name: str, value: object, expected: str) -> None:
-    """Refuse names of signals where a grid or a controller stands.
+    """Raise an error for names of signals in place of a grid or a controller.
 
     Raises
     ------
     TypeError
-        Which says what is expected there, and where signals are named.
+        If `value` is a name or contains one; it states where signals are named.
     """
     given = [value] if isinstance(value, str) else value
     if isinstance(given, list | tuple) and any(isinstance(item, str) for item in given):
@@ -271,7 +271,7 @@ def frequencies(name: str, value: ArrayLike) -> Array:
 
 
 def known(what: str, name: object, choices: Iterable[str]) -> str:
-    """Return ``name`` if it is among ``choices``; otherwise say which exist and suggest the nearest."""
+    """Return ``name`` if it is among ``choices``; otherwise raise an error that lists them and suggests the nearest."""
     listed = list(choices)
     if isinstance(name, str) and name in listed:
         return str(name)
@@ -305,7 +305,7 @@ def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str])
 
 
 def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
-    """Return the wanted names as `names` does; none at all are refused."""
+    """Return the wanted names as `names` does; an empty selection raises an error."""
     result = names(what, wanted, choices)
     if not result:
         raise ValueError(f"`{what}s` must have at least one name, got none.")

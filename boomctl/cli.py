@@ -214,9 +214,9 @@ def design(asked: Namespace) -> Any:
 
 
 def reproduce(asked: Namespace) -> dict[str, Any]:
-    """Compute the papers' tables and figures again, beside the published values.
+    """Compute the tables and figures of the papers, with the published values.
 
-    "all" writes the report of each paper into a folder of its own below --out.
+    "all" writes the report of each paper into a subfolder of --out.
     """
     from boomctl.checks import known, whole
     from boomctl.files import json_text, plain, prepared_folder, write_all
@@ -272,9 +272,7 @@ def _print_paper(name: str, results: dict[str, Any]) -> None:
     print("Anthonis & Ramon (2003), Table 1, difference from the published frequencies in percent:")
     for method, result in results["table_1"]["methods"].items():
         print(f"  {method}: {', '.join(f'{percent:+.2f}' for percent in result['difference_percent'])}")
-    print(
-        "The geometrical column's fourth value, 2.9316 Hz, is not reproducible under any reading tried; see the report."
-    )
+    print("The geometrical column's fourth value, 2.9316 Hz, is not reproducible; see the report.")
 
 
 def identify(asked: Namespace) -> Any:
@@ -300,7 +298,7 @@ def identify(asked: Namespace) -> Any:
 
 
 def benchmark(asked: Namespace) -> dict[str, Any]:
-    """Measure run time against error, beside other programs.
+    """Measure run time and error, compared with other programs.
 
     NAME is a scene ("boom-sigma") or the first word of several ("boom"); all scenes by default.
     """
@@ -372,7 +370,7 @@ def _flag(help_text: str) -> dict[str, Any]:
 
 _COMMON = {
     "--json": _flag("print the results as JSON on standard output"),
-    "--quiet": _flag("print nothing but what --json asks for, and show no progress"),
+    "--quiet": _flag("print only the output of --json, and show no progress"),
 }
 # Of each command: the function and its options; numbers are counts of values.
 _COMMANDS: dict[str, tuple[Callable[[Namespace], Any], dict[str, dict[str, Any]]]] = {

@@ -15,9 +15,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import path as checked_path
 
-_BEGIN_NUMBERS = tuple("0123456789+-.,")  # no name of a column begins so
+_BEGIN_NUMBERS = tuple("0123456789+-.,")  # No column name begins with these.
 _SEPARATORS = {";": "semicolon", "\t": "tab", ",": "comma"}
-"""What parts the values of a CSV file: the first of these that stands in the line of column names."""
+"""Separators of a CSV file: the first of these that occurs in the line of column names is used."""
 
 
 def prepared_folder(path: str | Path) -> Path:
@@ -26,7 +26,7 @@ def prepared_folder(path: str | Path) -> Path:
     Raises
     ------
     OSError
-        It cannot be made or written to.
+        If it cannot be created or written to.
     """
     folder = Path(path)
     try:
@@ -41,7 +41,7 @@ def prepared_folder(path: str | Path) -> Path:
 
 
 def write_whole(path: Path, content: bytes | str) -> None:
-    """Write a file under another name and move it into place, so that no half of it is ever seen."""
+    """Write a file under another name and move it into place, so that it is never incomplete."""
     write_all({path: content})
 
 
@@ -51,9 +51,9 @@ def write_all(contents: Mapping[Path, bytes | str]) -> None:
     Raises
     ------
     OSError
-        They cannot be written; it names the file, not its temporary one.
+        If a file cannot be written; the error names it, not the temporary file.
     ValueError
-        A folder has the name of one.
+        If a folder has the name of a file.
     """
     temporaries: dict[Path, str] = {}
     for path in contents:
@@ -77,7 +77,7 @@ def write_all(contents: Mapping[Path, bytes | str]) -> None:
 
 @contextmanager
 def _named(path: Path) -> Iterator[None]:
-    """Let what fails meanwhile name a file."""
+    """Set the file name of errors in the block."""
     try:
         yield
     except OSError as error:
@@ -115,14 +115,14 @@ def _file(path: str | Path) -> Path:
 
 
 def read_toml(path: str | Path) -> dict[str, Any]:
-    """Return what a TOML file holds, with or without a byte order mark.
+    """Return the content of a TOML file, with or without a byte order mark.
 
     Raises
     ------
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     ValueError
-        It is not TOML, or a folder; the message names the file.
+        If it is not TOML, or a folder; the message names the file.
     """
     import tomllib  # only who reads such a file waits for its parser
 
@@ -143,13 +143,13 @@ class NumberTable:
     header : tuple of str
         Names of the columns.
     header_line : int
-        Line of the file in which they stand.
+        Line number of the column names.
     values : (n, m) ndarray
         Finite numbers.
     lines : tuple of int
-        Line of the file in which each row of numbers stands.
+        Line number of each row of numbers.
     comments : tuple of (int, str)
-        Line of the file and text of each comment, without its mark.
+        Line number and text of each comment, without its mark.
     """
 
     header: tuple[str, ...]
@@ -162,17 +162,17 @@ class NumberTable:
 def read_numbers(path: str | Path) -> NumberTable:
     """Read a CSV file with a line of column names; lines that begin with ``#`` are comments, empty ones are skipped.
 
-    Values are separated by commas; or by semicolons, tabs or blanks, if the line of names is, and then decimal commas are
-    read as well as decimal points.  A first line ``sep=;``, as spreadsheets write it, is obeyed.  The names may stand in a
-    comment right above the numbers, as ``numpy.savetxt`` writes them.
+    Values are separated by commas; or by semicolons, tabs or blanks, if the line of names is, and decimal commas are then
+    accepted as well as decimal points. A first line ``sep=;``, as written by spreadsheets, is accepted. The names may be in
+    a comment above the numbers, as written by ``numpy.savetxt``.
 
     Raises
     ------
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     ValueError
-        A folder; no numbers, a row of another length than the header, a value that is not a finite number, decimal commas
-        beside decimal points; file and line named.
+        If it is a folder, has no numbers, a row of another length than the header, a value that is not a finite number, or
+        both decimal commas and decimal points. The message names file and line.
     """
     try:
         lines = _file(path).read_text(encoding="utf-8-sig").splitlines()
@@ -201,7 +201,7 @@ def read_numbers(path: str | Path) -> NumberTable:
 
 
 def _cells(path: str | Path, line: int, text: str, separator: str) -> list[str]:
-    """Return the values of one line; a line is read for itself, so that a stray quotation mark swallows no others."""
+    """Return the values of one line; lines are parsed separately, so that a stray quotation mark affects one line only."""
     if separator == " ":
         return text.split()
     try:
@@ -211,7 +211,7 @@ def _cells(path: str | Path, line: int, text: str, separator: str) -> list[str]:
 
 
 def _with_points(path: str | Path, rows: list[tuple[int, list[str]]]) -> list[tuple[int, list[str]]]:
-    """Return rows with decimal points for decimal commas; both in one file are refused, for one may part thousands."""
+    """Replace decimal commas by points; a file that uses both raises ValueError: one could be a thousands separator."""
     marks = {mark: next((i for i, row in rows[1:] if any(mark in cell for cell in row)), None) for mark in ",."}
     if marks[","] is None:
         return rows

@@ -1,8 +1,7 @@
-"""Public names that are loaded when first used, so that a scene imports only what it leads to.
+"""Public names that are loaded when first used.
 
-A package says which names it offers, and where each is defined, in the imports of its stub ``__init__.pyi`` alone: editors
-and type checkers read it as it stands, and the package itself loads from there.  Modules of boomctl do not import from
-such packages but from where a name is defined.
+The stub ``__init__.pyi`` of a package lists its public names and where they are defined; the package, editors and type
+checkers read it. Modules of boomctl import from the module that defines a name.
 
 A stub may offer sub-packages too (``from . import structure as structure``): they are imported when first used, and are
 not in ``__all__``.
@@ -82,7 +81,7 @@ class _Package(ModuleType):
     def __setattr__(self, name: str, value: Any) -> None:
         if name in self.__all__ and isinstance(value, ModuleType):
             if not hasattr(value, name):
-                return  # the public name is defined elsewhere, and is loaded from there when asked for
+                return  # The public name is defined elsewhere and loaded on access.
             value = getattr(value, name)
         super().__setattr__(name, value)
 

@@ -1,6 +1,6 @@
-"""What is done to the hub: a prescribed motion, or a torque. A maneuver starts at t = 0.
+"""Maneuvers of the hub: prescribed motions and torques, from t = 0.
 
-All functions of time take an instant or an array of instants [s] and return an array of the same shape.
+All functions of time accept a time or an array of times [s] and return an array of the same shape.
 """
 
 from __future__ import annotations
@@ -23,29 +23,30 @@ __all__ = ["applied_torque", "free_hub", "hold_angle", "prescribed_motion", "sin
 
 TimeFunction = Callable[..., object]
 
-_CHECKED_INTERVALS = 200  # on which a profile's functions are compared (a choice)
-_CHECK_POINTS = 10  # Gauss points on each: exact for polynomials of degree 19
-_SPLIT, _CHECKED_LEVELS = 16, 5  # parts of an interval on which they disagree, and how often it is split (choices)
-_MOST_OPEN, _MOST_JUMPS = 2**13, 1000  # intervals that are split at once, and those in which a slope jumps (choices)
-# a resonance makes a thousand times as much of what functions differ by, which is a motion's own tolerance
-_BELONGING = 1e-11  # of how far a function goes, by which it may differ from the integral of its slope (measured)
-_ROUNDING = 16.0 * np.finfo(float).eps  # of the largest value: what a user's function may be off (a choice)
+_CHECKED_INTERVALS = 200  # Intervals on which the functions of a profile are compared.
+_CHECK_POINTS = 10  # Gauss points of an interval: exact for polynomials of degree 19.
+_SPLIT, _CHECKED_LEVELS = 16, 5  # Parts of an interval with a difference, and number of refinements.
+_MOST_OPEN, _MOST_JUMPS = 2**13, 1000  # Largest number of intervals split at once, and with a jump.
+# Allowed difference between a function and the integral of its derivative, relative to the range of the function. A resonance
+# amplifies it a thousand times, to the default tolerance of a motion.
+_BELONGING = 1e-11
+_ROUNDING = 16.0 * np.finfo(float).eps  # Rounding error of a user's function, relative to its largest value.
 
 
 class PrescribedMotion(ABC):
-    """A motion that the hub is made to follow, whatever torque it takes.
+    """Prescribed motion of the hub.
 
     Attributes
     ----------
     breakpoints : tuple of float
-        Instants at which the motion is not smooth, s; steps end there.
+        Times at which the motion is not smooth [s]; steps end there.
     """
 
     breakpoints: tuple[float, ...] = ()
 
     @property
     def steady_from(self) -> float:
-        """Instant from which the hub speed is known to be constant, s; inf if it is not known."""
+        """Time from which the hub speed is constant [s]; inf if unknown."""
         return math.inf
 
     @abstractmethod
@@ -62,12 +63,12 @@ class PrescribedMotion(ABC):
 
 
 class TorqueDriven(ABC):
-    """A torque that acts on a free hub.
+    """Torque on a free hub.
 
     Attributes
     ----------
     breakpoints : tuple of float
-        Instants at which the torque is not smooth, s; steps end there.
+        Times at which the torque is not smooth [s]; steps end there.
     """
 
     breakpoints: tuple[float, ...] = ()
@@ -81,7 +82,7 @@ Maneuver = PrescribedMotion | TorqueDriven
 
 
 class PlannedTorque(Protocol):
-    """A torque that was planned: a straight line on each of N intervals between N + 1 edges [s], and zero outside them."""
+    """Planned torque: linear on each of N intervals between N + 1 edges [s], zero outside."""
 
     @property
     def edges(self) -> Array: ...
@@ -94,7 +95,7 @@ class PlannedTorque(Protocol):
 
 
 class PlannedSlew(Protocol):
-    """A slew that was planned: its torque, instants and states on the way."""
+    """Planned slew: its torque, times and states."""
 
     @property
     def torque_profile(self) -> PlannedTorque: ...
@@ -109,7 +110,7 @@ class PlannedSlew(Protocol):
 @final
 @dataclass(frozen=True)
 class SpinUp(PrescribedMotion):
-    """A smooth spin-up from rest, Eq. (43) of Bai et al. (2009) with its print mended.
+    """A smooth spin-up from rest, Eq. (43) of Bai et al. (2009) with its misprint corrected.
 
     ``speed = w (t / T - sin(2 pi t / T) / 2 pi)`` until T, then w.
 
@@ -155,12 +156,12 @@ class SpinUp(PrescribedMotion):
 @final
 @dataclass(frozen=True)
 class Hold(PrescribedMotion):
-    """The hub clamped at an angle.
+    """Hub clamped at an angle.
 
     Parameters
     ----------
     hub_angle : float
-        The angle, rad.
+        Angle [rad].
     """
 
     hub_angle: float = 0.0
@@ -185,14 +186,14 @@ class Hold(PrescribedMotion):
 @final
 @dataclass(frozen=True)
 class HubProfile(PrescribedMotion):
-    """A hub motion given by three functions of time that belong together: the second is the slope of the first.
+    """Hub motion given by its angle, speed and acceleration as functions of time.
 
     Parameters
     ----------
     angle_function, speed_function, acceleration_function : callable
         Hub angle [rad], speed [rad/s] and acceleration [rad/s^2] of the time [s].
     breakpoints : tuple of float
-        Instants at which the acceleration or a slope of it jumps, s.
+        Times at which the acceleration or its derivative is discontinuous [s].
     """
 
     angle_function: TimeFunction
@@ -206,25 +207,25 @@ class HubProfile(PrescribedMotion):
         object.__setattr__(self, "breakpoints", _breakpoints(self.breakpoints))
 
     def checked_until(self, end: float) -> HubProfile:
-        """Check up to an instant [s], on 200 intervals, that the functions belong together; return them for a simulation.
+        """Check that the functions are derivatives of one another up to a time [s]; return them with breakpoints.
 
-        Intervals on which they seem not to are split; their ends are breakpoints, for the motion is swift there or jumps.
+        Intervals with a difference are split, and their ends become breakpoints: the motion is fast or discontinuous there.
 
         Raises
         ------
         ValueError
-            If the speed is not the slope of the angle, or the acceleration that of the speed.
+            If the speed is not the derivative of the angle, or the acceleration that of the speed.
         """
         even = np.linspace(0.0, end, _CHECKED_INTERVALS + 1)
         edges = np.unique(np.concatenate([even, [b for b in self.breakpoints if 0.0 < b < end]]))
         split = self._agree("angle", "speed", edges), self._agree("speed", "acceleration", edges)
         inside = np.unique(np.concatenate([self.breakpoints, *split]))
-        # of the whole time: two instants nearer than that are one, and no step lies between them
+        # Times closer than this are equal.
         inside = inside[np.diff(inside, prepend=-np.inf) > SUMMED * end]
         return replace(self, breakpoints=tuple(inside.tolist()))
 
     def _agree(self, name: str, slope: str, edges: Array) -> Array:
-        """Return the ends of the intervals that were split; raise an error for a function that is no integral of another."""
+        """Return the ends of the intervals that were split; raise an error if a function is not the integral of another."""
         function, rate, method = getattr(self, name), getattr(self, slope), gauss_method(_CHECK_POINTS)
         nodes, weights = method.nodes, method.weights
         low, high, allowed, floor = edges[:-1], edges[1:], np.inf, 0.0
@@ -241,7 +242,9 @@ class HubProfile(PrescribedMotion):
             open_ = np.abs(missed) > max(allowed / (len(edges) * _SPLIT**level), floor)
             count = np.count_nonzero(open_)
             if level == _CHECKED_LEVELS - 1 and count <= _MOST_JUMPS:
-                missed[open_] = 0.0  # there the slope jumps, so that its integral is not known better
+                missed[open_] = (
+                    0.0  # The derivative is discontinuous there, so that its integral has no better accuracy.
+                )
             if level == _CHECKED_LEVELS - 1 or count > _MOST_OPEN:
                 open_[:] = False
             settled.append((high[~open_], missed[~open_]))
@@ -307,14 +310,14 @@ class SineTorque(TorqueDriven):
 @final
 @dataclass(frozen=True)
 class Torque(TorqueDriven):
-    """A torque on the hub given by a function of time.
+    """Torque on the hub given by a function of time.
 
     Parameters
     ----------
     function : callable
         Torque [N m] of the time [s].
     breakpoints : tuple of float
-        Instants at which the torque or a slope of it jumps, s.
+        Times at which the torque or its derivative is discontinuous [s].
     """
 
     function: TimeFunction
@@ -331,12 +334,12 @@ class Torque(TorqueDriven):
 @final
 @dataclass(frozen=True, eq=False)
 class StraightTorque(TorqueDriven):
-    """A planned torque: it is known where it is not smooth, and nothing has to be looked for between.
+    """Planned torque, linear between known times.
 
     Parameters
     ----------
     edges : ndarray, N + 1
-        Instants, ascending from 0 [s].
+        Times, ascending from 0 [s].
     left, right : ndarray, N
         Torque at the beginning and at the end of each interval [N m].
     """
@@ -381,12 +384,12 @@ def spin_up(final_speed: float, duration: float) -> SpinUp:
     Returns
     -------
     SpinUp
-        A maneuver for ``simulate``: the hub's angle, speed and acceleration are prescribed.
+        Maneuver for ``simulate``.
 
     Raises
     ------
     TypeError, ValueError
-        Not finite numbers; a duration that is not above zero.
+        If a number is not finite, or `duration` is not positive.
 
     Examples
     --------
@@ -413,12 +416,12 @@ def sine_torque(amplitude: float, period: float, duration: float) -> SineTorque:
     Returns
     -------
     SineTorque
-        A maneuver for ``simulate``: the torque is given, the hub moves as it will.
+        Maneuver for ``simulate``.
 
     Raises
     ------
     TypeError, ValueError
-        Not finite numbers; a period or duration that is not above zero.
+        If a number is not finite, or `period` or `duration` is not positive.
 
     Examples
     --------
@@ -438,22 +441,21 @@ def prescribed_motion(
     Parameters
     ----------
     angle, speed, acceleration : callable
-        Hub angle [rad], speed [rad/s] and acceleration [rad/s^2] as functions of the time [s]; each is the slope of the
-        one before.
+        Hub angle [rad], speed [rad/s] and acceleration [rad/s^2] as functions of the time [s].
     breakpoints : tuple of float
-        Instants [s] at which the acceleration or its slope jumps; steps of the solver then end there. What is not named
-        costs steps, as for `torque`.
+        Times at which the acceleration or its derivative is discontinuous [s]. Unnamed ones increase the number of
+        steps, as for `applied_torque`.
 
     Returns
     -------
     HubProfile
-        A maneuver for ``simulate``: the hub's motion is prescribed.
+        Maneuver for ``simulate``.
 
     Raises
     ------
     TypeError, ValueError
-        Something that is not a function of time; breakpoints that are not numbers. When it is simulated: functions that
-        do not belong together to eleven digits. Of tables take one spline and its derivatives.
+        If an argument is not a function of time, or breakpoints are not numbers. During the simulation: if the functions
+        are not derivatives of one another to eleven digits; for tables use one spline and its derivatives.
 
     Examples
     --------
@@ -475,19 +477,18 @@ def applied_torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) 
     function : callable
         Torque [N m] as a function of the time [s].
     breakpoints : tuple of float
-        Instants [s] at which the torque or its slope jumps; steps of the solver then end there. What is not named costs
-        steps, up to fifty times as many, but no accuracy, as long as it is seen where the torque is looked at: every
-        0.5 ms, and at 16,384 to 1,048,576 instants in all. Pulses that are shorter have to be given.
+        Times at which the torque or its derivative is discontinuous [s]. Unnamed ones increase the number of steps up to
+        fifty times, without a loss of accuracy. Pulses shorter than 0.5 ms have to be named.
 
     Returns
     -------
     Torque
-        A maneuver for ``simulate``: the torque is given, the hub moves as it will.
+        Maneuver for ``simulate``.
 
     Raises
     ------
     TypeError, ValueError
-        Something that is not a function of time; breakpoints that are not numbers.
+        If `function` is not a function of time, or breakpoints are not numbers.
 
     Examples
     --------
@@ -501,7 +502,7 @@ def applied_torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) 
 
 
 def hold_angle(angle: float = 0.0) -> Hold:
-    """Hold the hub at an angle, as if it were clamped.
+    """Clamp the hub at an angle.
 
     Parameters
     ----------
@@ -511,12 +512,12 @@ def hold_angle(angle: float = 0.0) -> Hold:
     Returns
     -------
     Hold
-        A maneuver for ``simulate``: the beam swings, the hub does not.
+        Maneuver for ``simulate``.
 
     Raises
     ------
     TypeError, ValueError
-        Not a finite number.
+        If `angle` is not a finite number.
 
     Examples
     --------
@@ -530,12 +531,12 @@ def hold_angle(angle: float = 0.0) -> Hold:
 
 
 def free_hub() -> Free:
-    """Leave the hub free, without a torque on it.
+    """Leave the hub free, without a torque.
 
     Returns
     -------
     Free
-        A maneuver for ``simulate``: beam and hub move from the initial state.
+        Maneuver for ``simulate``.
 
     Examples
     --------
@@ -550,11 +551,11 @@ def free_hub() -> Free:
 
 
 def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(sorted(real("breakpoints", value) for value in sequence("breakpoints", values, "instants")))
+    return tuple(sorted(real("breakpoints", value) for value in sequence("breakpoints", values, "times")))
 
 
 def _real_numbers(value: object) -> Array:
-    """Return what a user's function returned as real numbers; complex ones are none."""
+    """Return the result of a user's function as real numbers."""
     result = plain_array("function", value)  # type: ignore[arg-type]
     if result.dtype.kind not in "iuf":
         raise TypeError
@@ -562,15 +563,15 @@ def _real_numbers(value: object) -> Array:
 
 
 def _number(name: str, value: object, t: float) -> float:
-    """Return what a user's function returned for one instant."""
+    """Return the result of a user's function at one time."""
     array = plain_array(name, value)  # type: ignore[arg-type]
     if array.dtype.kind not in "iuf" or array.size != 1:
-        raise TypeError(f"{name} at t = {t:g} s: expected a number, or one for each instant, got {shown(value)}")
+        raise TypeError(f"{name} at t = {t:g} s: expected a number, or one for each time, got {shown(value)}")
     return float(array.ravel()[0])
 
 
 def _evaluate(name: str, function: TimeFunction, t: ArrayLike) -> Array:
-    """Values of a user's function at all instants; one that takes only numbers is called once an instant."""
+    """Evaluate a user's function at all times; one that accepts only numbers is called for each time."""
     t = plain_array("t", t).astype(float)
     try:
         values = np.broadcast_to(_real_numbers(function(t)), t.shape)

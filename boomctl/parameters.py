@@ -1,4 +1,4 @@
-"""What all parameters of a machine have in common: they come from a file, print as code, and have a default."""
+"""Base of the parameter classes: read from a file, printed as code, with defaults."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
@@ -22,7 +22,7 @@ class Parameters:
     _repr_html_ = exact_html
 
     def _plain(self) -> None:
-        """Keep numbers of numpy as Python's own: those of half precision overflow in products."""
+        """Convert numbers of NumPy to Python numbers, because half precision overflows in products."""
         for name, value in vars(self).items():
             if isinstance(value, np.generic):
                 object.__setattr__(self, name, value.item() if isinstance(value, np.integer) else float(value))
@@ -43,7 +43,7 @@ class Parameters:
         Raises
         ------
         TypeError, ValueError
-            A name that is not there; a value of the wrong kind or out of its range.
+            If a name is unknown, or a value has the wrong type or is out of range.
 
         Examples
         --------
@@ -58,7 +58,7 @@ class Parameters:
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
-        """Read parameters from a TOML file whose keys are their names; those not in it keep their defaults.
+        """Read parameters from a TOML file whose keys are their names; others have their defaults.
 
         Parameters
         ----------
@@ -68,14 +68,15 @@ class Parameters:
         Returns
         -------
         the parameters
-            A record of the class that is asked, such as ``BoomParameters``.
+            Instance of the class, such as ``BoomParameters``.
 
         Raises
         ------
         OSError
-            The file cannot be read.
+            If the file cannot be read.
         ValueError, TypeError
-            Not TOML, an unknown key, a value of the wrong type or out of range; the message names file and key.
+            If it is not TOML, or a key is unknown, or a value has the wrong type or is out of range; the message names file
+            and key.
         """
         from boomctl.files import read_toml
 
@@ -103,38 +104,38 @@ def signature_of(function: Callable[..., Any]) -> tuple[str, ...]:
 
 
 def or_default(
-    kind: type[P], name: str, given: object, changes: Mapping[str, Any] | None = None, beside: Sequence[str] = ()
+    kind: type[P], name: str, value: object, changes: Mapping[str, Any] | None = None, arguments: Sequence[str] = ()
 ) -> P:
-    """Return the parameters given, the defaults for None, with changes by name; anything else is refused.
+    """Return parameters (the defaults for None) with changes by name; another type raises an error.
 
-    ``beside`` are the other arguments of the function that takes the changes: what a name may have been meant for.
+    ``arguments`` are the other arguments of the calling function, for the suggestion in the error of an unknown name.
     """
-    if given is not None and not isinstance(given, kind):
-        raise TypeError(f"{name}: expected {kind.__name__}, got {type(given).__name__}")
-    p = kind() if given is None else given
+    if value is not None and not isinstance(value, kind):
+        raise TypeError(f"{name}: expected {kind.__name__}, got {type(value).__name__}")
+    p = kind() if value is None else value
     if not changes:
         return p
-    record = replaced(p, changes, beside)
+    record = replaced(p, changes, arguments)
     record._look_back(p, changes)
     return record
 
 
-def replaced(parameters: P, changes: Mapping[str, Any], beside: Sequence[str] = ()) -> P:
+def replaced(parameters: P, changes: Mapping[str, Any], arguments: Sequence[str] = ()) -> P:
     """Return parameters with changes by name, without a look back; an unknown name raises a TypeError."""
     allowed = [field.name for field in fields(parameters)]  # type: ignore[arg-type]
     for key in changes:
         if key not in allowed:
             try:
-                known("argument", key, [*beside, *allowed])
+                known("argument", key, [*arguments, *allowed])
             except ValueError as error:
                 raise TypeError(str(error)) from None
     return replace(parameters, **changes)  # type: ignore[type-var]
 
 
 def compared_with_defaults(kind: type[P]) -> type[P]:
-    """Return a class of parameters whose constructor looks back at the defaults, as ``replace`` does at the record.
+    """Return a class of parameters whose constructor compares the values with the defaults, as ``replace`` does.
 
-    A call with all parameters, as that of `dataclasses.replace`, changes no defaults.
+    A call with all parameters, as by `dataclasses.replace`, is not compared.
     """
     init, names = kind.__init__, [field.name for field in fields(kind)]  # type: ignore[arg-type]
 

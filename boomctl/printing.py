@@ -1,4 +1,4 @@
-"""How models and results print: a few lines that say what it is, its size, its signals and its certified figure."""
+"""Text and HTML of models and results."""
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,9 +11,9 @@ if TYPE_CHECKING:
 
 DataFrame: TypeAlias = "pandas.DataFrame"
 
-WIDTH = 98  # columns of a line at most: fits a notebook's cell and half a screen
-PART = 60  # letters of a part within another: longer ones say what they are and no more
-LINES = 5  # of a repr at most, so that a list of results can still be read
+WIDTH = 98  # Largest number of columns.
+PART = 60  # Letters of a nested value; a longer one is replaced by its class.
+LINES = 5  # Largest number of lines of a repr.
 
 
 def listed(names: Sequence[str], width: int = 78) -> str:

@@ -1,9 +1,8 @@
-"""What a long computation is doing: told to a function of the caller's, or shown on a terminal and in a notebook.
+"""Progress of long computations: a callback, or a line on a terminal or in a notebook.
 
-A computation runs within :func:`computing` and tells its stages.  Who listens is, in this order: the function given to it
-(``progress=``), the one of the :func:`progress_callback` around it, and else, after three seconds, one line on a terminal's
-standard error or in a notebook, which goes away when the computation ends.  Where neither is there, nothing is shown.
-A computation within another tells through the outer one, and :func:`tell` tells through the one under way, if any.
+A computation runs within :func:`computing` and reports its stages to, in this order: its ``progress=`` function, the function
+of the enclosing :func:`progress_callback`, or, after three seconds, a line on standard error of a terminal or in a notebook,
+which is removed at the end. A nested computation reports through the outer one, and so does :func:`tell`.
 """
 
 import math
@@ -17,24 +16,24 @@ from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
 
-_QUIET_FOR = 3.0  # s before anything is shown: who waits less needs no word (a choice)
-_REDRAWN = 0.2  # s between two looks of the line shown: often enough to be seen alive (a choice)
+_QUIET_FOR = 3.0  # Time before the line is shown [s].
+_REDRAWN = 0.2  # Interval between updates of the line [s].
 
 
 @dataclass(frozen=True)
 class Progress:
-    """What a computation is doing.
+    """Progress of a computation.
 
     Attributes
     ----------
     task : str
-        The computation; within another computation, the outer one.
+        Name of the computation; of a nested one, the outer computation.
     stage : str
-        What it does now, in words.
+        Current stage.
     elapsed : float
-        Time since it began [s].
+        Time since the start [s].
     completed, total : int or None
-        Steps done, and how many there are, where that is known.
+        Number of steps completed, and in all, if known.
 
     Examples
     --------
@@ -57,36 +56,36 @@ class Progress:
 
 
 class OutOfTimeError(Exception):
-    """The time for a computation is over; the message says what was being done."""
+    """Raised if the time limit of a computation is exceeded; the message names the stage."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deadline:
-    """Time for a computation, from when this is made.
+    """Time limit of a computation, from the creation of this record.
 
     Attributes
     ----------
     limit : float
-        s; infinite: none.
-    begun : float
-        Of the monotonic clock, s.
+        Time limit [s]; infinite for none.
+    start_time : float
+        Start, by the monotonic clock [s].
     """
 
     limit: float = math.inf
-    begun: float = field(default_factory=time.monotonic)
+    start_time: float = field(default_factory=time.monotonic)
 
     @property
     def elapsed(self) -> float:
-        """Since the computation began."""
-        return time.monotonic() - self.begun
+        """Time since the start [s]."""
+        return time.monotonic() - self.start_time
 
     @property
     def over(self) -> bool:
-        """Whether no time is left."""
+        """True if no time is left."""
         return self.elapsed >= self.limit
 
     def check(self, doing: str) -> None:
-        """Tell what is done, and raise `OutOfTimeError` if no time is left for it."""
+        """Report a stage, and raise `OutOfTimeError` if no time is left."""
         tell(doing)
         if self.over:
             raise OutOfTimeError(doing)
@@ -98,7 +97,7 @@ Tell = Callable[..., None]
 
 @dataclass
 class _Computation:
-    """A computation that is under way: what it told last, and who listens."""
+    """A running computation: its last stage and its listener."""
 
     task: str
     listener: Listener | None
@@ -111,7 +110,7 @@ class _Computation:
         return Progress(self.task, self.stage, time.monotonic() - self.began, self.done, self.total)
 
     def tell(self, stage: str = "", done: int | None = None, total: int | None = None) -> None:
-        """Say what comes now, and how many steps are done of how many; an error of the listener ends the computation."""
+        """Report a stage and the number of steps; an error of the listener ends the computation."""
         self.stage, self.done, self.total = stage, done, total
         if self.listener is not None:
             self.listener(self.now())
@@ -123,23 +122,23 @@ _OUTER: ContextVar[_Computation | None] = ContextVar("boomctl_computation", defa
 
 @contextmanager
 def progress_callback(listener: Listener | None) -> Iterator[None]:
-    """Let a function be told what the computations within are doing.
+    """Call a function at each stage of the computations in a block.
 
     Parameters
     ----------
     listener : callable or None
-        A function of a `Progress`, called at each stage; an exception that it raises ends the computation.  None:
-        nothing is told and nothing shown.
+        Function of a `Progress`; an exception that it raises ends the computation. If None, nothing is reported or
+        shown.
 
     Returns
     -------
     context manager
-        For a ``with`` block: whatever runs within it is heard.
+        For a ``with`` block.
 
     Raises
     ------
     TypeError
-        Neither a function nor None.
+        If `listener` is neither a function nor None.
 
     Examples
     --------
@@ -160,7 +159,7 @@ def progress_callback(listener: Listener | None) -> Iterator[None]:
 
 @contextmanager
 def computing(task: str, progress: Listener | None = None) -> Iterator[Tell]:
-    """Run a computation; what is told within is of it.  A function is given that tells of it wherever it is called."""
+    """Run a computation, and yield a function that reports its stages."""
     outer = _OUTER.get()
     listener = _checked("progress", progress)
     if outer is not None and listener is None:
@@ -178,7 +177,7 @@ def computing(task: str, progress: Listener | None = None) -> Iterator[Tell]:
 
 
 def tell(stage: str, done: int | None = None, total: int | None = None) -> None:
-    """Say what the computation under way does now; where there is none, nothing."""
+    """Report a stage of the running computation, if there is one."""
     computation = _OUTER.get()
     if computation is not None:
         computation.tell(stage, done, total)
@@ -186,7 +185,7 @@ def tell(stage: str, done: int | None = None, total: int | None = None) -> None:
 
 @contextmanager
 def silent() -> Iterator[None]:
-    """Run computations of which nothing is told, within one that tells its own steps."""
+    """Run computations that do not report, within one that reports its own steps."""
     token = _OUTER.set(_Computation("", None))
     try:
         yield
@@ -201,16 +200,16 @@ def _checked(name: str, listener: Any) -> Listener | None:
 
 
 def _seen() -> bool:
-    """Return whether somebody may be looking: a terminal, or a notebook."""
+    """Return True on a terminal or in a notebook."""
     if os.environ.get("TERM") == "dumb":
         return False
     if getattr(sys.modules.get("multiprocessing"), "parent_process", lambda: None)() is not None:
-        return False  # who started this process shows what it waits for
+        return False  # The parent process shows its progress.
     return "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
 
 
 class _Line:
-    """A line that says what a computation does, drawn by a thread of its own once it has taken a while."""
+    """Progress line, drawn by a separate thread after some time."""
 
     def __init__(self, computation: _Computation) -> None:
         self._computation, self._ended = computation, threading.Event()
@@ -231,7 +230,7 @@ class _Line:
             with console.status(escape(str(self._computation.now()))) as shown:
                 while not self._ended.wait(_REDRAWN):
                     shown.update(escape(str(self._computation.now())))
-        except LiveError:  # another line or bar of rich stands there already
+        except LiveError:  # Another display of rich is active.
             return
 
     def end(self) -> None:

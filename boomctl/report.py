@@ -1,4 +1,4 @@
-"""A report that stands alone: results.json, pictures, and one HTML file with all tables and pictures in it."""
+"""Self-contained reports: results.json, figures, and one HTML file with all tables and figures."""
 
 import base64
 from collections.abc import Mapping, Sequence

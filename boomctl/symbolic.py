@@ -1,4 +1,4 @@
-"""Constants of CasADi functions as arguments: one function serves all that have their zeros at the same places."""
+"""Constants of CasADi functions as arguments, so that functions with the same sparsity are compiled once."""
 
 from __future__ import annotations
 

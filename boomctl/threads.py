@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _LARGE = 1500  # States of a system from which the user's BLAS threads are used: two threads save time above 1,600.
 _HELD = ("_of", "nominal", "model", "system")  # attributes of records that hold a system
-_LOADERS = ("scipy.linalg", "slycot")  # modules that bring a BLAS library of their own, beside the one of NumPy
+_LOADERS = ("scipy.linalg", "slycot")  # Modules with a BLAS library in addition to that of NumPy.
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 

@@ -1,4 +1,4 @@
-"""SI units of signals: of motions, of forces, and of those of a symmetric machine's halves."""
+"""SI units of signals, also of the subsystems of a symmetric machine."""
 
 from collections.abc import Mapping, Sequence
 
@@ -6,31 +6,31 @@ from boomctl.arrays import Array
 from boomctl.checks import warn_user
 
 HALVES = {"_sym": "the mean", "_anti": "half the difference"}
-"""How the names of a half's signals end, and what these are root of two times (right and left, right less left)."""
+"""Suffixes of the signals of subsystems; the signal is root of two times the quantity named."""
 
 _RATES = ("", "/s", "/s^2")
-_SLOW, _FAST = 1e-4, 1e5  # Hz: no machine's lowest mode takes hours, or microseconds (a choice)
-_STIFFER = 1e-2  # Hz: a soft spring in a machine has stiffer modes beside it, above this (a choice)
+_SLOW, _FAST = 1e-4, 1e5  # Plausible lowest natural frequencies of a machine [Hz].
+_STIFFER = 1e-2  # A machine with a soft spring has further modes above this frequency [Hz].
 
 
 def motion_unit(turns: bool, derivative: int) -> str:
-    """Return the unit of a place or turn, of its speed or its acceleration."""
+    """Return the unit of a position or angle, its velocity or acceleration."""
     return f"{'rad' if turns else 'm'}{_RATES[derivative]}"
 
 
 def is_half(name: str) -> bool:
-    """Return whether a signal is named as one of a half: no sensor reads it, and no actuator takes it."""
+    """Return True for the name of a subsystem's signal."""
     return name.endswith(tuple(HALVES))
 
 
 def half_unit(unit: str, name: str) -> str:
-    """Return the unit of a signal of a half in words: ``"m (orthonormal, root of two times the mean)"``."""
+    """Return the unit of a subsystem's signal: ``"m (orthonormal, root of two times the mean)"``."""
     of = next((words for ending, words in HALVES.items() if name.endswith(ending)), "")
     return f"{unit} (orthonormal, root of two times {of})" if of and unit else unit
 
 
 def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence[str]) -> str:
-    """Return the unit of a gain between signals, ``"m/N"``: of several, all that there are; ``""`` where one is unknown."""
+    """Return the unit of a gain, such as ``"m/N"``; ``""`` if a unit is unknown."""
     plain = {name: unit.partition(" (")[0] for name, unit in units.items()}  # without the words of a half
     sides = [dict.fromkeys(plain.get(name, "") for name in names) for names in (outputs, inputs)]
     if any("" in side for side in sides):
@@ -40,7 +40,7 @@ def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence
 
 
 def warn_of_units(frequencies_hz: Array) -> None:
-    """Warn of eigenfrequencies, ascending, that no machine has in SI units; lengths in mm and moduli in GPa give such."""
+    """Warn of implausible natural frequencies (ascending), as from lengths in mm or moduli in GPa."""
     elastic = frequencies_hz[frequencies_hz > 0.0]
     if len(elastic) and (elastic[0] > _FAST or (elastic[0] < _SLOW and elastic[-1] < _STIFFER)):
         warn_user(

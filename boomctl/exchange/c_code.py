@@ -1,8 +1,8 @@
-"""A sampled controller as C99, and a program that compares it with numbers computed here.
+"""C99 code of sampled controllers, and a program that tests it.
 
-In double precision the C code does the same operations in the same order as :meth:`RunningController.run`, so that it gives
-the same bits, where the compiler does not contract products and sums (``-std=c99``, ``-ffp-contract=off``).  In single
-precision the program prints the largest difference.
+In double precision the C code performs the operations of :meth:`RunningController.run` in the same order and gives the same
+bits, if the compiler does not contract products and sums (``-std=c99``, ``-ffp-contract=off``). In single precision the
+program prints the largest difference.
 """
 
 import re
@@ -15,28 +15,28 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
 
-_SAMPLES = 240  # of the comparison, at most: half of them within the limits, half beyond
-_GROWN = 1e3  # times by which an unstable controller may grow in each half (a choice: its digits are still compared)
-_BEYOND = 20.0  # times the limits, which the second half asks for
-_HUGE = 1e200  # largest measurement of the comparison (a choice: gains below 1e100 ask for numbers still)
+_SAMPLES = 240  # Largest number of samples of the test: half of them within the limits, half beyond.
+_GROWTH = 1e3  # Largest growth of an unstable controller's states in each half.
+_EXCESS = 20.0  # Requested controls of the second half, relative to the limits.
+_HUGE = 1e200  # Largest measurement of the test; products with gains below 1e100 do not overflow.
 
 
 @dataclass(frozen=True)
 class RunningController:
-    """``asked = C x + D y``; ``given``: force limited, then rate; ``x+ = A x + B y + L (given - asked)``.
+    """Controller with limits: ``v = C x + D y``; ``u`` is ``v``, limited, then rate-limited; ``x+ = A x + B y + L (u - v)``.
 
-    At a sample of which one of these numbers is beyond all numbers, the last controls are given again and nothing changes.
+    If one of these numbers is not finite, the previous controls are returned and the states do not change.
 
     Attributes
     ----------
     K : Lti
-        In discrete time.
+        Controller in discrete time.
     L : (n, u) ndarray
-        Anti-windup; zero without.
+        Anti-windup gain; zero for none.
     force : (u,) ndarray
-        Largest control; ``inf`` without.
+        Largest control; ``inf`` for none.
     step : (u,) ndarray
-        Largest change of a control from one sample to the next; ``inf`` without.
+        Largest change of a control per sample; ``inf`` for none.
     """
 
     K: Lti
@@ -45,19 +45,17 @@ class RunningController:
     step: Array
 
     def run(self, measured: Array) -> Array:
-        """Return the controls given to measurements, one a row, from rest: plain sums, from the first term to the last."""
+        """Return the controls for measurements, one row per sample, from zero states; sums run from the first term on."""
         A, B, C, D, L = (matrix.tolist() for matrix in (self.K.A, self.K.B, self.K.C, self.K.D, self.L))
         n, u = len(A), len(D)
         x, last, result = [0.0] * n, [0.0] * u, []
         for y in measured.tolist():
-            asked = [_sum(D[i], y, _sum(C[i], x, 0.0)) for i in range(u)]
-            given = [self._limited(value, last[i], i) for i, value in enumerate(asked)]
-            following = [_sum(B[i], y, _sum(A[i], x, 0.0)) for i in range(n)]
-            if self.L.any():
-                kept = [given[i] - asked[i] for i in range(u)]
-                following = [_sum(L[i], kept, following[i]) for i in range(n)]
-            if all(map(isfinite, [*y, *asked, *following])):
-                x, last = following, given
+            requested = [_sum(D[i], y, _sum(C[i], x, 0.0)) for i in range(u)]
+            allowed = [self._limited(value, last[i], i) for i, value in enumerate(requested)]
+            excess = [allowed[i] - requested[i] for i in range(u)]
+            following = [_sum(L[i], excess, _sum(B[i], y, _sum(A[i], x, 0.0))) for i in range(n)]
+            if all(map(isfinite, [*y, *requested, *following])):
+                x, last = following, allowed
             result.append(last)
         return np.array(result).reshape(len(measured), u)
 
@@ -80,7 +78,7 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     Raises
     ------
     ValueError
-        ``name`` is no name in C; a controller without inputs or outputs.
+        If ``name`` is not an identifier of C, or the controller has no inputs or outputs.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
         raise ValueError(f"path: {name!r} is no name in C: expected letters, digits and _, a letter first")
@@ -91,30 +89,19 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     controls = running.run(measured)
     stored = (K.A, K.B, K.C, K.D, running.L, *(x[np.isfinite(x)] for x in (running.force, running.step)))
     largest = max(float(np.abs(item).max(initial=0.0)) for item in stored)
-    plain = {
+    words = {
         "NAME": name,
         "GUARD": f"{name.upper()}_H",
         "SINGLE": f"{name.upper()}_SINGLE",
         "UPPER": name.upper(),
-    }
-    parts = {
         "MATRICES": "".join(
             _matrix(name, letter, matrix)
             for letter, matrix in (("A", K.A), ("B", K.B), ("C", K.C), ("D", K.D), ("L", running.L))
-            if (matrix.any() if letter == "L" else matrix.size)
+            if matrix.size
         ),
-        "LIMITS": _limits(name, running),
-        "LIMITING": _LIMIT_FORCE * bool(np.isfinite(running.force).any())
-        + _LIMIT_RATE * bool(np.isfinite(running.step).any()),
-        "OWN_STATES": _OWN_STATES if len(K.A) else "",
-        "NEXT": (_NEXT + (_CORRECTED if running.L.any() else "") + _KEPT) if len(K.A) else "",
-        "NEXT_STATES": _NEXT_STATES if len(K.A) else "",
-        "TAKEN": _TAKEN if len(K.A) else "",
-        "RESET": _RESET if len(K.A) else "",
-        "ONLY_DOUBLE": _ONLY_DOUBLE if largest > float(np.finfo(np.float32).max) else "",
-    }
-    words = plain | {key: _filled(text, plain) for key, text in parts.items()}
-    words |= {
+        "FORCE": _limits(name, running.force),
+        "STEP": _limits(name, running.step),
+        "EXCEEDS_SINGLE": str(int(largest > float(np.finfo(np.float32).max))),
         "INPUT_COUNT": str(len(K.input_labels)),
         "OUTPUT_COUNT": str(len(K.output_labels)),
         "STATE_COUNT": str(len(K.A)),
@@ -130,30 +117,30 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
 
 
 def _filled(text: str, words: Mapping[str, str]) -> str:
-    """Return a text with its words filled in; what is filled in is not looked at."""
-    return re.sub(r"@([A-Z_]+)@", lambda found: words[found[1]], text)
+    """Replace the placeholders of a text."""
+    return re.sub(r"@([A-Z_]+)@", lambda match: words[match[1]], text)
 
 
 def _measurements(running: RunningController) -> Array:
-    """Return measurements that ask for what the limits allow, then for more."""
+    """Return measurements for which the controls are within the limits, then beyond."""
     K, rng = running.K, np.random.default_rng(0)
     own = float(np.abs(np.linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
-    half = _SAMPLES // 2 if own <= 1.0 else max(2, min(_SAMPLES // 2, int(log(_GROWN) / log(own))))
+    half = _SAMPLES // 2 if own <= 1.0 else max(2, min(_SAMPLES // 2, int(log(_GROWTH) / log(own))))
     noise = rng.standard_normal((2 * half, len(K.input_labels)))
-    with np.errstate(all="ignore"):  # of gains beyond all numbers the measurements are zero
+    with np.errstate(all="ignore"):  # Measurements are zero if the gains overflow.
         scale = np.abs(np.vstack([K.D, K.C @ K.B if len(K.A) else K.D])).max(axis=0)
         noise = np.clip(noise / np.where(scale > 0.0, scale, 1.0), -_HUGE, _HUGE)
         free = RunningController(K, np.zeros_like(running.L), np.full(len(K.C), np.inf), np.full(len(K.C), np.inf))
-        asked = free.run(noise)[:half]
-        changes = np.abs(np.diff(asked, axis=0, prepend=0.0)).max(axis=0, initial=0.0)
+        requested = free.run(noise)[:half]
+        changes = np.abs(np.diff(requested, axis=0, prepend=0.0)).max(axis=0, initial=0.0)
         room = np.minimum(
-            running.force / np.maximum(np.abs(asked).max(axis=0, initial=0.0), np.finfo(float).tiny),
+            running.force / np.maximum(np.abs(requested).max(axis=0, initial=0.0), np.finfo(float).tiny),
             running.step / np.maximum(changes, np.finfo(float).tiny),
         ).min(initial=np.inf)
         if not np.isfinite(room):
             return noise
         noise = noise * (0.5 * room)
-        noise[half:] *= 2.0 * _BEYOND
+        noise[half:] *= 2.0 * _EXCESS
         return np.clip(noise, -_HUGE, _HUGE)
 
 
@@ -162,14 +149,9 @@ def _matrix(name: str, letter: str, matrix: Array) -> str:
     return f"static const {name}_real {letter}[{len(matrix)}][{matrix.shape[1]}] = {{\n{rows}\n}};\n\n"
 
 
-def _limits(name: str, running: RunningController) -> str:
-    """Return the limits as arrays; what is not limited is so to the largest number."""
-    result = ""
-    for label, values in (("FORCE", running.force), ("STEP", running.step)):
-        if np.isfinite(values).any():
-            entries = ", ".join(f"R({x.hex()})" if isfinite(x) else "@NAME@_NONE" for x in values.tolist())
-            result += f"static const {name}_real {label}[{len(values)}] = {{{entries}}};\n"
-    return result
+def _limits(name: str, values: Array) -> str:
+    """Return the entries of an array of limits; unlimited controls have the largest number."""
+    return ", ".join(f"R({x.hex()})" if isfinite(x) else f"{name}_NONE" for x in values.tolist())
 
 
 def _table(values: Array) -> str:
@@ -183,7 +165,7 @@ def _listed(names: tuple[str, ...], units: Mapping[str, str]) -> str:
 
 
 def _commented(line: str) -> str:
-    """Return a text that is one line of a comment whatever it holds: what would end it, or is not seen, by its number."""
+    """Return a text as one line of a C comment; unprintable characters are replaced by their code points."""
     result = "".join(letter if letter.isprintable() and letter != "\\" else f"<U+{ord(letter):04X}>" for letter in line)
     for pair in ("*/", "/*", "??"):
         while pair in result:
@@ -202,7 +184,11 @@ _HEADER = """\
 #ifndef @GUARD@
 #define @GUARD@
 
-@ONLY_DOUBLE@#ifdef @SINGLE@
+#if defined(@SINGLE@) && @EXCEEDS_SINGLE@
+#error "@NAME@: numbers exceed the range of single precision"
+#endif
+
+#ifdef @SINGLE@
 typedef float @NAME@_real;
 #else
 typedef double @NAME@_real;
@@ -214,28 +200,21 @@ typedef double @NAME@_real;
 #define @UPPER@_SAMPLE_TIME @TIME@
 
 typedef struct {
-@OWN_STATES@    @NAME@_real last[@UPPER@_CONTROLS]; /* the controls given at the last sample */
+#if @UPPER@_STATES > 0
+    @NAME@_real x[@UPPER@_STATES];
+#endif
+    @NAME@_real last[@UPPER@_CONTROLS]; /* controls of the last sample */
 } @NAME@_controller;
 
-/* Put a controller to rest. */
+/* Set states and controls to zero. */
 void @NAME@_reset(@NAME@_controller *controller);
 
 /* Take one sample: read the measurements, write the controls.
- * Returns 0; or 1 if a measurement, or what follows of it, is no finite number: then the last controls are given again and
- * nothing changes. */
+ * Returns 0; or 1 if a number is not finite: the controls are then those of the last sample and the states do not change. */
 int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER@_MEASUREMENTS],
                 @NAME@_real control[@UPPER@_CONTROLS]);
 
 #endif
-"""
-
-_OWN_STATES = "    @NAME@_real x[@UPPER@_STATES];\n"
-
-_ONLY_DOUBLE = """\
-#ifdef @SINGLE@
-#error "@NAME@: its numbers are beyond single precision"
-#endif
-
 """
 
 _SOURCE = """\
@@ -250,11 +229,18 @@ _SOURCE = """\
 #endif
 #define FINITE(number) ((number) >= -@NAME@_NONE && (number) <= @NAME@_NONE)
 
-@MATRICES@@LIMITS@
+@MATRICES@static const @NAME@_real FORCE[@UPPER@_CONTROLS] = {@FORCE@};
+static const @NAME@_real STEP[@UPPER@_CONTROLS] = {@STEP@};
+
 void @NAME@_reset(@NAME@_controller *controller)
 {
     int i;
-@RESET@    for (i = 0; i < @UPPER@_CONTROLS; i++) {
+#if @UPPER@_STATES > 0
+    for (i = 0; i < @UPPER@_STATES; i++) {
+        controller->x[i] = R(0.0);
+    }
+#endif
+    for (i = 0; i < @UPPER@_CONTROLS; i++) {
         controller->last[i] = R(0.0);
     }
 }
@@ -262,15 +248,17 @@ void @NAME@_reset(@NAME@_controller *controller)
 int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER@_MEASUREMENTS],
                 @NAME@_real control[@UPPER@_CONTROLS])
 {
-    @NAME@_real asked[@UPPER@_CONTROLS], allowed[@UPPER@_CONTROLS];
-@NEXT_STATES@    int i, j, fine = 1;
+    @NAME@_real requested[@UPPER@_CONTROLS], allowed[@UPPER@_CONTROLS];
+#if @UPPER@_STATES > 0
+    @NAME@_real next[@UPPER@_STATES];
+#endif
+    int i, j, finite = 1;
 
     for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
-        fine = fine && FINITE(measured[j]);
+        finite = finite && FINITE(measured[j]);
     }
-    for (i = 0; i < @UPPER@_CONTROLS && fine; i++) {
+    for (i = 0; i < @UPPER@_CONTROLS && finite; i++) {
         @NAME@_real sum = R(0.0);
-        @NAME@_real given;
 #if @UPPER@_STATES > 0
         for (j = 0; j < @UPPER@_STATES; j++) {
             sum = sum + C[i][j] * controller->x[j];
@@ -279,48 +267,18 @@ int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER
         for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
             sum = sum + D[i][j] * measured[j];
         }
-        fine = fine && FINITE(sum);
-        asked[i] = sum;
-        given = sum;
-@LIMITING@        allowed[i] = given;
-    }
-@NEXT@    for (i = 0; i < @UPPER@_CONTROLS; i++) {
-        if (fine) {
-            controller->last[i] = allowed[i];
+        finite = finite && FINITE(sum);
+        requested[i] = sum;
+        sum = sum > FORCE[i] ? FORCE[i] : sum < -FORCE[i] ? -FORCE[i] : sum;
+        if (sum - controller->last[i] > STEP[i]) {
+            sum = controller->last[i] + STEP[i];
+        } else if (sum - controller->last[i] < -STEP[i]) {
+            sum = controller->last[i] - STEP[i];
         }
-        control[i] = controller->last[i];
+        allowed[i] = sum;
     }
-@TAKEN@    (void)asked;
-    return !fine;
-}
-"""
-
-_RESET = """\
-    for (i = 0; i < @UPPER@_STATES; i++) {
-        controller->x[i] = R(0.0);
-    }
-"""
-
-_LIMIT_FORCE = """\
-        if (given > FORCE[i]) {
-            given = FORCE[i];
-        } else if (given < -FORCE[i]) {
-            given = -FORCE[i];
-        }
-"""
-
-_LIMIT_RATE = """\
-        if (given - controller->last[i] > STEP[i]) {
-            given = controller->last[i] + STEP[i];
-        } else if (given - controller->last[i] < -STEP[i]) {
-            given = controller->last[i] - STEP[i];
-        }
-"""
-
-_NEXT_STATES = "    @NAME@_real next[@UPPER@_STATES];\n"
-
-_NEXT = """\
-    for (i = 0; i < @UPPER@_STATES && fine; i++) {
+#if @UPPER@_STATES > 0
+    for (i = 0; i < @UPPER@_STATES && finite; i++) {
         @NAME@_real sum = R(0.0);
         for (j = 0; j < @UPPER@_STATES; j++) {
             sum = sum + A[i][j] * controller->x[j];
@@ -328,28 +286,29 @@ _NEXT = """\
         for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
             sum = sum + B[i][j] * measured[j];
         }
-"""
-
-_CORRECTED = """\
         for (j = 0; j < @UPPER@_CONTROLS; j++) {
-            sum = sum + L[i][j] * (allowed[j] - asked[j]);
+            sum = sum + L[i][j] * (allowed[j] - requested[j]);
         }
-"""
-
-_KEPT = """\
-        fine = fine && FINITE(sum);
+        finite = finite && FINITE(sum);
         next[i] = sum;
     }
-"""
-
-_TAKEN = """\
-    for (i = 0; i < @UPPER@_STATES && fine; i++) {
+    for (i = 0; i < @UPPER@_STATES && finite; i++) {
         controller->x[i] = next[i];
     }
+#endif
+    for (i = 0; i < @UPPER@_CONTROLS; i++) {
+        if (finite) {
+            controller->last[i] = allowed[i];
+        }
+        control[i] = controller->last[i];
+    }
+    (void)requested;
+    return !finite;
+}
 """
 
 _TEST = """\
-/* Compares @NAME@ with numbers computed by boomctl: the same bits in double precision, the difference in single.
+/* Compares @NAME@ with numbers computed by boomctl: equality in double precision, the difference in single precision.
  * Compile: cc -std=c99 -Wall -Wextra -Werror -pedantic @NAME@.c @NAME@_test.c -o @NAME@_test
  */
 #include "@NAME@.h"
@@ -393,12 +352,12 @@ int main(void)
     if (largest > size) {
         wrong = 1;
     }
-    printf("single precision: off by at most %.9g, largest control %.9g\\n", largest, size);
+    printf("single precision: largest difference %.9g, largest control %.9g\\n", largest, size);
 #else
     if (largest > 0.0) {
         wrong = 1;
     }
-    printf("double precision: off by %.17g\\n", largest);
+    printf("double precision: largest difference %.17g\\n", largest);
 #endif
     return wrong;
 }

@@ -1,4 +1,4 @@
-"""Controllers written to files and read again: JSON, MATLAB, C99."""
+"""Controller files: JSON, MATLAB, C99."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import control
 
 _FORMAT = "boomctl controller"
-_VERSION = 1  # of what stands in a JSON file; another one is refused
+_VERSION = 1  # Version of the JSON format; another one raises an error.
 SUFFIXES = (".json", ".mat", ".c")
 _UNITS = {"stroke": "m", "tip": "m", "cradle_slip": "m", "suspension": "N", "cradle": "N", "torque": "N m"}  # by stem
 _RATES = {"hub_angle": "rad", "hub_speed": "rad/s", "_acceleration": "m/s^2", "_speed": "m/s"}  # these come first
@@ -35,16 +35,16 @@ _KINDS = ("inputs", "outputs", "states")
 
 @dataclass(frozen=True)
 class ControllerMetadata:
-    """What a controller's file says beside its matrices.
+    """Units, certificate and provenance in a controller file.
 
     Attributes
     ----------
     units : mapping from signal to str
-        "" where none was given.
+        Unit of each signal; "" if unknown.
     certificate : mapping
-        Numbers and words of the certificate of the synthesis; empty where none was given.
+        Entries of the certificate of the synthesis, if any.
     provenance : mapping
-        What made the file: at least ``"boomctl"``, its version; whatever else was given.
+        Version of boomctl (``"boomctl"``), and further entries.
     """
 
     units: Mapping[str, str] = field(default_factory=dict)
@@ -70,7 +70,7 @@ def write_controller(
     provenance: Mapping[str, Any] | None = None,
     allow_subsystem: bool = False,
 ) -> tuple[Path, ...]:
-    """Write a controller ``u = K y`` to a file; what is written depends on the file's suffix.
+    """Write a controller ``u = K y`` to a file; the suffix determines the format.
 
     =========  ==========================================================================================================
     ``.json``  matrices, time step, names, units, certificate, provenance; numbers to the last bit
@@ -83,37 +83,36 @@ def write_controller(
     Parameters
     ----------
     controller : control.StateSpace or a result with ``.controller``
-        A result of a synthesis; its certificate is written too.
+        Controller or result of a synthesis, whose certificate is written too.
     path : str or Path
-        Its folder must exist.
+        File; its folder must exist.
     sample_time : float, optional
-        Sampling time [s]; a controller in continuous time is sampled by :func:`boomctl.discretize`. Needed for C.
+        Sample time [s] of a continuous-time controller, for :func:`boomctl.discretize`. Required for C.
     control_limit, rate_limit : float or mapping from control to float, optional
-        For C code: largest control, and largest change of it per second.
+        For C code: largest control, and largest rate of the control.
     anti_windup : bool
-        For C code: whether the state is corrected by what the limits took away.
+        For C code: correct the states if the output is limited.
     units : mapping from signal to str, optional
-        Units of the signals, as text; by default those of the boom's signals, "" of others.
+        Units of the signals. If None, those of the signals of the boom, "" for others.
     certificate : object, optional
-        A certificate, or a mapping; by default that of the result.
+        Certificate or mapping. If None, that of the result.
     provenance : mapping, optional
-        Whatever shall stand in the file beside boomctl's version.
+        Further entries of the file.
     allow_subsystem : bool
-        Write the controller of a half, whose signals end in ``_sym`` or ``_anti``.  No machine has such signals: they are
-        root of two times a mean or half a difference, and ``control_limit`` counts in them.
+        Write the controller of a subsystem, whose signals end in ``_sym`` or ``_anti``. The machine has no such signals.
 
     Returns
     -------
     tuple of Path
-        The files written: all of them, or none.
+        Files written. All or none are written.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of controller or suffix; names of signals not there; continuous time for C; a name that C or
-        MATLAB does not allow; signals of a half, where ``allow_subsystem`` is not True.
+        If the controller or the suffix is invalid, a signal is unknown, a continuous-time controller is written as C without
+        `sample_time`, the name is invalid in C or MATLAB, or the signals are of a subsystem and `allow_subsystem` is False.
     OSError
-        The folder cannot be written to.
+        If the folder cannot be written to.
 
     Examples
     --------
@@ -152,7 +151,7 @@ def controller_contents(
     certificate: object = None,
     provenance: Mapping[str, Any] | None = None,
 ) -> dict[str, bytes | str]:
-    """Return what :func:`write_controller` writes, as contents by name of file."""
+    """Return the contents of the files of :func:`write_controller` by name."""
     from boomctl import __version__
 
     known("suffix", suffix, SUFFIXES)
@@ -192,24 +191,24 @@ def controller_contents(
 
 
 def read_controller(path: str | Path) -> "control.StateSpace":
-    """Return the controller that :func:`write_controller` wrote to a ``.json`` or ``.mat`` file, with all its names.
+    """Read a controller from a ``.json`` or ``.mat`` file of :func:`write_controller`.
 
     Parameters
     ----------
     path : str or Path
-        The ``.json`` or ``.mat`` file to read.
+        The ``.json`` or ``.mat`` file.
 
     Returns
     -------
     control.StateSpace
-        ``u = K y``, in continuous or discrete time as it was written.
+        Controller ``u = K y`` with all names.
 
     Raises
     ------
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     TypeError, ValueError
-        Another kind of file; what is wrong with it is named.
+        If the file is invalid; the message names the defect.
 
     Examples
     --------
@@ -229,17 +228,17 @@ def read_controller(path: str | Path) -> "control.StateSpace":
 
 
 def read_controller_metadata(path: str | Path) -> ControllerMetadata:
-    """Return what a controller's ``.json`` file says beside its matrices: units, certificate, provenance.
+    """Read units, certificate and provenance from a ``.json`` controller file.
 
     Parameters
     ----------
     path : str or Path
-        A ``.json`` file that :func:`write_controller` wrote.
+        A ``.json`` file of :func:`write_controller`.
 
     Returns
     -------
     ControllerMetadata
-        Units, certificate and provenance as they stand in the file.
+        Units, certificate and provenance.
 
     Raises
     ------
@@ -289,7 +288,7 @@ def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
 
 @contextmanager
 def _refused(file: Path) -> Iterator[None]:
-    """Name the file in which a controller is not complete."""
+    """Name the file in errors of the block."""
     try:
         yield
     except (KeyError, TypeError, ValueError) as error:
@@ -347,7 +346,7 @@ def _record(name: str, K: Lti, notes: ControllerMetadata) -> dict[str, Any]:
 
 
 def _plain(certificate: object) -> dict[str, Any]:
-    """Return the numbers and words of a certificate, of those within it too."""
+    """Return the numbers and strings of a certificate, nested ones included."""
     if certificate is None:
         return {}
     if isinstance(certificate, Mapping):
@@ -367,20 +366,20 @@ def _plain(certificate: object) -> dict[str, Any]:
 
 
 def checked_controller(held: Mapping[str, Any]) -> Lti:
-    """Return the controller of which a file holds matrices, names and sampling time.
+    """Return the controller with the matrices, names and sample time of a file.
 
     Parameters
     ----------
     held : mapping
         ``A, B, C, D``: arrays of numbers, or lists of rows; ``inputs, outputs, states``: lists of names;
-        ``sample_time``: a number [s], 0 in continuous time, or True where it is not said.
+        ``sample_time``: a number [s], 0 for continuous time, or True if unspecified.
 
     Raises
     ------
     KeyError
-        One of them is not there.
+        If an entry is missing.
     TypeError, ValueError
-        It is something else, in one line.
+        If an entry is invalid.
     """
     inputs, outputs, states = (_names(kind, held[kind]) for kind in _KINDS)
     n, m, p = len(states), len(inputs), len(outputs)
@@ -399,7 +398,7 @@ def _names(kind: str, given: object) -> tuple[str, ...]:
 
 
 def _matrix(letter: str, given: object, shape: tuple[int, int]) -> Array:
-    """Return a matrix of numbers; of lists each must be a row, for NumPy takes texts and truth values for numbers too."""
+    """Return a matrix of numbers; lists are checked, because NumPy converts strings and booleans to numbers."""
     if isinstance(given, np.ndarray) and given.dtype.kind in "iuf":
         given = given.tolist() if given.size else [[] for _ in range(shape[0])]
     if not isinstance(given, list) or not all(isinstance(row, list) for row in given):

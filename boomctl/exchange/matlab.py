@@ -1,4 +1,4 @@
-"""Controllers for MATLAB and Octave: matrices and names in a ``.mat`` file, a function that makes ``ss`` of them."""
+"""Controllers for MATLAB and Octave: a ``.mat`` file and a function that returns an ``ss`` object."""
 
 import io
 import re
@@ -12,8 +12,8 @@ from boomctl.arrays import Array
 from boomctl.checks import shown
 from boomctl.lti.system import Lti
 
-_LARGEST = 63  # letters of a name in MATLAB
-_NOT_SAID = -1.0  # MATLAB's for a time step that is not said
+_LARGEST = 63  # Length of a name in MATLAB.
+_NOT_SAID = -1.0  # Unspecified sample time in MATLAB.
 
 
 def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes | str]:
@@ -22,7 +22,7 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
     Raises
     ------
     ValueError
-        ``name`` is none of a function; names or units that such a file cannot hold.
+        If ``name`` is not an identifier of MATLAB, or a name or unit cannot be stored.
     """
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or len(name) > _LARGEST:
         raise ValueError(
@@ -49,19 +49,19 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
 
 
 def read_matlab(path: Path) -> dict[str, Any]:
-    """Return matrices A, B, C, D, names and sampling time of a ``.mat`` file as they stand there, or names made up.
+    """Read matrices A, B, C, D, names and sample time of a ``.mat`` file; missing names are replaced.
 
     Raises
     ------
     ValueError
-        Another kind of file, or not these matrices.
+        If the file is not a MAT-file, or a matrix is missing.
     """
     from scipy.io import loadmat
 
     content = io.BytesIO(path.read_bytes())
     try:
         held = loadmat(content)
-    except Exception as error:  # on what is no such file SciPy's reader fails in any way
+    except Exception as error:  # SciPy raises various exceptions for other files.
         raise ValueError(f"{path}: not a MATLAB file of version 5: {' '.join(str(error).split())}") from None
     missing = [letter for letter in "ABCD" if letter not in held]
     if missing:

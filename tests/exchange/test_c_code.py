@@ -64,7 +64,7 @@ def test_c_code_gain_beyond_single_precision_does_not_compile(tmp_path, gain, co
     bc.write_controller(control.ss([], [], [], [[gain]], 0.01, inputs="y", outputs="u"), tmp_path / "loop.c")
     made = compiled(tmp_path, "-DLOOP_SINGLE")
     assert (made.returncode == 0) == compiles
-    assert compiles or "loop: its numbers are beyond single precision" in made.stderr
+    assert compiles or "loop: numbers exceed the range of single precision" in made.stderr
 
 
 _DRIVER = """
