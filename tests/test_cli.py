@@ -257,7 +257,7 @@ def test_identify_reports_the_modes_of_a_record(record):
         (("record.csv",), "expected the names of inputs, --inputs; the file has force, place"),
         (("record.csv", "--inputs", "forse"), "unknown signal 'forse'; did you mean 'force'"),
         (("record.mat", "--inputs", "force"), "expected a column named 'time' [s], or --sample-time"),
-        (("record.csv", "--inputs", "force,place"), "expected outputs beside the inputs, got none"),
+        (("record.csv", "--inputs", "force,place"), "expected outputs in addition to the inputs, got none"),
         (("uneven.csv", "--inputs", "force"), "expected times at even steps"),
     ],
 )

@@ -1,4 +1,4 @@
-"""How far parameters spread, from blocks of what was measured or from data sets, instead of a formula for white noise.
+"""Covariance of parameters from blocks of the data or from data sets, instead of a formula for white noise.
 
 Errors of neighboring frequencies, and what a model does not explain, are no independent numbers.  A block of frequencies
 that is left out moves the parameters by what all of its errors do together; how much the blocks differ in this is the
@@ -7,7 +7,7 @@ this is known badly, so that it is drawn towards what all residuals say, with th
 Of several data sets, such as days, the parameters of each tell.
 
 Sources: Bell & McCaffrey (2002), Survey Methodology 28 (degrees of freedom of blocks); Newey & West (1987), Econometrica 55
-(correlated residuals); Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3 (deviations drawn towards a common one).
+(correlated residuals); Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3 (shrinkage of standard deviations).
 """
 
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ from boomctl.identification.identifiability import Seen
 from boomctl.identification.measured import Measured
 from boomctl.printing import count
 
-_BLOCKS = 12  # that frequencies are cut into: wide enough that errors of two are hardly correlated (a choice)
+_BLOCKS = 12  # Blocks of frequencies, wide enough for nearly uncorrelated errors.
 _FEWEST = 6  # blocks of which a deviation is known to a third; below, errors are taken for independent (a choice)
 _LINES = 2  # frequencies that a block has at least on the average (a choice)
-_COMMON = 16.0  # degrees of freedom with which all residuals count beside the blocks of a parameter (a choice)
-_REACH = 5  # share of the frequencies, inverse, up to which residuals are asked for their correlation (a choice)
+_COMMON = 16.0  # Degrees of freedom of the common variance that single variances are shrunk to.
+_REACH = 5  # Inverse of the largest lag of the correlation of residuals, relative to the number of frequencies.
 _ALONE = 0.999  # share of a combination that a block alone may say: the rest of the data must say something, too
 
 
 @dataclass(frozen=True)
 class Spread:
-    """How far coordinates of parameters spread, and from what that is known.
+    """Covariance of the coordinates of parameters, and its source.
 
     Attributes
     ----------
@@ -122,7 +122,7 @@ def confident(name: str, value: object) -> float:
 
 
 def limits(confidence: float, freedom: Array) -> Array:
-    """Return how many deviations are within confidence, by Student's t; of infinite freedom, normal."""
+    """Return the number of standard deviations of a confidence level: Student's t, or normal for infinite dof."""
     tail = 0.5 + 0.5 * confidence
     finite = np.isfinite(freedom)
     return np.where(finite, special.stdtrit(np.where(finite, freedom, 1.0), tail), special.ndtri(tail))

@@ -13,7 +13,7 @@ from boomctl.printing import count, sentence
 
 _STEP = 0.1  # standard errors between the values of the sum of squares that are compared
 _MIN_STEP = 1e-5  # coordinate step, at least: the sum of squares then changes by more than its rounding error
-_MAX_STEP = 1.0  # coordinate step, at most: a factor of e, along combinations that are hardly identifiable
+_MAX_STEP = 1.0  # Largest step of a coordinate (a factor of e), along weakly identifiable combinations.
 _MAX_OFFSET = 0.05  # standard errors from the minimum of the parabola: intervals change by less than 1 %
 _EXACT = 1e-7  # coordinate distance to the minimum that counts as none, for data with almost no errors
 _MAX_DECREASE = 1e-6  # relative decrease of the sum of squares that is rounding error
@@ -64,7 +64,7 @@ class FitCertificate:
 
     @property
     def certified(self) -> bool:
-        """Whether this is a minimum within the ranges, and no other start fits about as well.
+        """True if this is a minimum within the ranges, and no other start fits about as well.
 
         A certified minimum may belong to a wrong model: see ``adequacy``.
         """
@@ -72,7 +72,7 @@ class FitCertificate:
 
     @property
     def fit_adequate(self) -> bool:
-        """Whether the residuals are no larger than the errors allow; True where the errors are not known."""
+        """True if the residuals are consistent with the errors, or the errors are unknown."""
         return not (
             self.p_value < _SIGNIFICANCE or (np.isnan(self.p_value) and self.residual_ratio**2 > _MAX_CHI_SQUARE)
         )
@@ -118,9 +118,9 @@ class FitCertificate:
 
 
 def lack_of_fit(cost: float, freedom: int, variance: float, known: float) -> tuple[float, float]:
-    """Compute the root of the reduced chi-square and its p-value, for errors of a variance with ``known`` freedom.
+    """Compute the root of the reduced chi-square and its p-value, for errors of a variance with ``known`` dof.
 
-    With finite freedom, that of replicates, the F test for lack of fit.  Source: Draper & Smith (1998), section 2.1.
+    With finite dof (replicates), the F test for lack of fit.  Source: Draper & Smith (1998), section 2.1.
     """
     if not freedom > 0 or np.isnan(variance):
         return float("nan"), float("nan")

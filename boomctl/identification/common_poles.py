@@ -15,11 +15,11 @@ _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
 _FARTHEST = 1.0  # change of the logarithm of a decay rate, and of a frequency in rates, that a step may make (a choice)
-_LEAST_DECAY = 1e-7  # of the frequency: slower decay than that is not told from none by any record
+_LEAST_DECAY = 1e-7  # Smallest decay rate relative to the frequency; a record does not determine smaller ones.
 _FAST = (
     2.0  # times the highest frequency: where the modes above the band are put (a choice; 1.5 to 4 give the same fit)
 )
-_SLOW = 0.5  # times the lowest frequency: where those below it are put (likewise)
+_SLOW = 0.5  # Frequency of the modes below the band, relative to its lower end.
 _AROUND = 10.0  # lines to either side at least that errors around a resonance are taken from (a choice)
 _BLOCK = 64  # lines over which errors are taken for as large: a median of so many is known to a fifth (a choice)
 _RESONANCES = 3  # Resonances from which the error of the model is known.
@@ -73,7 +73,7 @@ class CommonPoles:
 
     @property
     def _width(self) -> int:
-        """How many columns a response has: of inputs and of free motions."""
+        """Number of columns of a response: inputs and free motions."""
         return self.data.U.shape[1] + self.data.records
 
     @cached_property
@@ -105,7 +105,7 @@ class CommonPoles:
 
     @property
     def residuals(self) -> Array:
-        """What is not explained, (2 n, p)."""
+        """Residuals, (2 n, p)."""
         return self._solved[1]
 
     @property
@@ -121,7 +121,7 @@ class CommonPoles:
 
     @property
     def of_rest(self) -> Array:
-        """Of the columns beside the poles, (r, p)."""
+        """Coefficients of the columns other than those of the poles, (r, p)."""
         result = self._solved[0]
         return result[len(result) - len(self._rest) :]
 
@@ -178,7 +178,7 @@ class CommonPoles:
 
     @property
     def shares(self) -> Array:
-        """What each pair adds by the inputs to each output's mean square, mean over the outputs."""
+        """Contribution of each pair to the mean square of the outputs, by the inputs, mean over the outputs."""
         m = self.data.U.shape[1]
         energy = np.square(np.abs(self.data.Y)).sum(axis=0)
         energy[energy == 0.0] = 1.0
@@ -219,12 +219,12 @@ class CommonPoles:
 
     @property
     def factors(self) -> Array:
-        """What `slopes` are multiplied by for the logarithm of each decay rate, and its frequency in rates, (k, 2, w, p)."""
+        """Factors of `slopes` for the logarithm of each decay rate and for the frequency over the rate, (k, 2, w, p)."""
         c = self.coefficients
         shape = len(c), 2 * self._width, c.shape[3]
-        decay, swing = c.reshape(shape), np.stack([-c[:, 1], c[:, 0]], axis=1).reshape(shape)
+        decay, turn = c.reshape(shape), np.stack([-c[:, 1], c[:, 0]], axis=1).reshape(shape)
         rate = self.poles.real[:, None, None]
-        return np.stack([rate * decay, -rate * swing], axis=1)
+        return np.stack([rate * decay, -rate * turn], axis=1)
 
     def scaled(self, scale: Array) -> "CommonPoles":
         """Return the same with outputs divided by a scale (p,)."""

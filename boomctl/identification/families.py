@@ -1,4 +1,4 @@
-"""Families of structures over what measurements leave open: boxes that hold all parameters at once."""
+"""Families of structures over confidence boxes of parameters."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -21,7 +21,7 @@ _SAME_MODE = 0.1  # Relative difference of frequencies below which modes of two 
 
 
 def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
-    """Return ranges that hold all parameters at once with a probability, each widened by a share (Bonferroni)."""
+    """Return simultaneous confidence ranges of all parameters (Bonferroni), widened by a fraction."""
     level = confident("probability", probability)
     share, found = nonnegative("margin", margin), {}
     intervals, freedoms = result._uncertain
@@ -62,14 +62,14 @@ def union(
     """
     ranges = box(result, probability, margin)
     for other in sequence("union_with", others, type(result).__name__):
-        beside = box(instance("union_with", other, type(result)), probability, margin)
-        if paired is None and set(beside) != set(ranges):
+        limits_there = box(instance("union_with", other, type(result)), probability, margin)
+        if paired is None and set(limits_there) != set(ranges):
             raise ValueError(
-                f"`union_with` must be results of the same parameters, {', '.join(ranges)}, got {', '.join(beside)}."
+                f"`union_with` must be results of the same parameters, {', '.join(ranges)}, got {', '.join(limits_there)}."
             )
         partners = dict.fromkeys(ranges) if paired is None else paired(result, other)
         for name, partner in partners.items():
-            low, high = beside[partner or name]
+            low, high = limits_there[partner or name]
             ranges[name] = min(ranges[name][0], low), max(ranges[name][1], high)
     return ranges
 

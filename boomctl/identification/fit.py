@@ -99,7 +99,7 @@ def fit(
         A function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or one's own.  It
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
-        all of them once, ascending).  What it refuses with a ValueError or an ArithmeticError is not searched.
+        all of them once, ascending).  Parameters for which it raises ValueError or ArithmeticError are not searched.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
         singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
@@ -111,11 +111,11 @@ def fit(
     initial : dataclass or mapping, optional
         The parameters to begin from, those that stay among them.  By default the middle of a family, or of the ranges.
     modes : sequence of int, optional
-        Which mode of the model each eigenfrequency is, from 1.  By default the nearest ones, as some may have been
-        missed in the measurement.  Of several data sets the same for all.
+        Which mode of the model each eigenfrequency is, from 1.  If None, the nearest ones, because the measurement may lack
+        modes. The same for all data sets.
     weights : array_like, optional
-        How much each value counts: one over the size of its error beside that of the others. By default as the
-        ``error_std`` of a response of :func:`boomctl.estimate_frequency_response` says, otherwise 1 for each;
+        Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
+        response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
         0 leaves a value out.  Of several data sets the same for all.
     error_model : "relative" or "absolute"
         "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
@@ -144,7 +144,7 @@ def fit(
     Raises
     ------
     TypeError, ValueError
-        An argument is not what was expected; the model refuses the start, or answers something else than was measured.
+        If an argument is invalid, the model raises an error at the start, or returns another kind of data.
     ArithmeticError
         If the model raises at all values near the least of a parameter.
 
@@ -199,7 +199,7 @@ def fit(
         spread = of_sets(item)
     elif known_size is None and not exact:
         spread = of_blocks(matrix, f(x), measured, seen)
-    # number of standard deviations within confidence: normal, or Student's t, which has none without freedom
+    # Number of standard deviations of the confidence level: normal, or Student's t, undefined without dof.
     degrees = np.inf if known_size is not None else freedom
     limit = float(limits(confidence_level, np.array(degrees))) if degrees > 0 else np.inf
     if spread is None:

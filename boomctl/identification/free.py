@@ -16,7 +16,7 @@ _FAR = 1e4  # factor up and down, without a range, within which the end of an in
 
 @dataclass(frozen=True)
 class FreeParameters:
-    """What is free in a record of parameters, in coordinates of no unit that are zero at the start.
+    """Free parameters of a record, in dimensionless coordinates that are zero at the start.
 
     A parameter that is above zero has the coordinate ``ln(value/start)``, others ``(value - start)/scale``.
 
@@ -75,7 +75,7 @@ class FreeParameters:
 
     @property
     def size(self) -> int:
-        """How many are free."""
+        """Number of free parameters."""
         return len(self.names)
 
     @property
@@ -85,7 +85,7 @@ class FreeParameters:
 
     def values(self, x: Array) -> Array:
         """Return the parameters at coordinates."""
-        with np.errstate(over="ignore"):  # beyond all numbers the model refuses it
+        with np.errstate(over="ignore"):  # The model raises an error for overflow.
             grown = self.start * np.exp(np.where(self.logarithmic, x, 0.0))
         return np.where(self.logarithmic, grown, self.start + self.scale * np.where(self.logarithmic, 0.0, x))
 

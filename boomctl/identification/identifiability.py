@@ -1,4 +1,4 @@
-"""What measurements see of the parameters: slopes by differences, and the combinations that change nothing measured."""
+"""Identifiability of parameters: Jacobian by differences, and combinations without an effect on the data."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,10 +11,10 @@ from boomctl.identification.free import FreeParameters
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
 _STEPS = 10.0 ** -np.arange(3.0, 12.0)  # of which slopes take the one that agrees best with the next
-_TRIED_STEPS = 6  # largest steps with which a combination is tried that the slopes do not resolve
+_TRIED_STEPS = 6  # Number of steps for testing a combination that the Jacobian does not resolve.
 _MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
-_ERROR_FACTOR = 10.0  # singular values below so many errors of the slopes are tried by differences
+_ERROR_FACTOR = 10.0  # Singular values below this multiple of the error of the Jacobian are tested by differences.
 _TRIED_FACTOR = 3.0  # slopes along a combination above so many errors are not zero
 _ROUNDING = 1e-10  # relative singular value that is rounding error for any step
 _MIN_COMPONENT = 1e-3  # component of a unit vector from which a parameter belongs to a combination
@@ -80,14 +80,14 @@ def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple
 
 @dataclass(frozen=True)
 class ParameterCombination:
-    """Parameters that change together while what was measured stays, or hardly changes.
+    """Combination of parameters without an effect, or with a small effect, on the data.
 
     Attributes
     ----------
     direction : dict of str to float
         The change of the logarithm of each positive parameter (of others, in units of their range), the largest 1.
     weak : bool
-        False: not seen at all.  True: a factor of two along it stays within the confidence limit.
+        False: no effect. True: the effect of a factor of two is within the confidence limit.
     description : str
         The combination in words.
     """
@@ -107,7 +107,7 @@ class Seen:
     Attributes
     ----------
     values : (p,) ndarray
-        Change of the residuals for a unit of each combination; zero where it is not seen.
+        Change of the residuals for a unit of each combination; zero if it is unidentifiable.
     directions : (p, p) ndarray
         Combinations as orthonormal rows.
     """
@@ -117,7 +117,7 @@ class Seen:
 
     @classmethod
     def of(cls, matrix: Array, error: Array, f: Callable[[Array], Array], x: Array, free: FreeParameters) -> "Seen":
-        """Compute the singular values; combinations that the slopes do not resolve are tried by differences.
+        """Compute the singular values; combinations that the Jacobian does not resolve are tested by differences.
 
         Columns are scaled to unit length, so that weak parameters do not drown in the errors of strong ones.
         """
@@ -152,7 +152,7 @@ class Seen:
         return np.linalg.norm(self.directions[self.rank :], axis=0) > _MIN_COMPONENT
 
     def covariance(self) -> Array:
-        """Return the covariance of the coordinates for errors of size one, over what is seen."""
+        """Return the covariance of the identifiable coordinates for errors of size one."""
         r = self.rank
         scaled = self.directions[:r] / self.values[:r, None]
         return scaled.T @ scaled
@@ -160,7 +160,7 @@ class Seen:
     def combinations(
         self, f: Callable[[Array], Array], x: Array, free: FreeParameters, limit: float, rounding: float
     ) -> tuple[ParameterCombination, ...]:
-        """Return the combinations that are not identifiable, or hardly, each with a change tried on the model.
+        """Return the combinations that are not or weakly identifiable, each tested on the model.
 
         Changes of the residuals count as none up to ``limit``, of what is not identifiable up to ``rounding``.
         """
@@ -182,27 +182,29 @@ def _svd(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 def _combination(
-    f: Callable[[Array], Array], x: Array, free: FreeParameters, row: Array, hardly: bool, allowed: float
+    f: Callable[[Array], Array], x: Array, free: FreeParameters, row: Array, weak: bool, allowed: float
 ) -> ParameterCombination | None:
     """Return a combination with the largest factor that changes the residuals by no more than is allowed.
 
-    If ``hardly`` and a factor of two changes more, None.
+    None if ``weak`` and a factor of two changes more.
     """
     scaled = row / row[np.abs(row).argmax()]
     here = f(x)
-    for change in _CHANGES[:1] if hardly else _CHANGES:
+    for change in _CHANGES[:1] if weak else _CHANGES:
         sizes = {move: float(np.linalg.norm(f(x + move * scaled) - here)) for move in (change, -change)}
         sizes = {move: size for move, size in sizes.items() if np.isfinite(size)}
         if sizes and max(sizes.values()) <= allowed:
             said = next(iter(sizes))
             end = (
-                "changes less than the confidence limit: hardly seen" if hardly else "changes nothing that was measured"
+                "changes less than the confidence limit: weakly identifiable"
+                if weak
+                else "changes nothing that was measured"
             )
             break
     else:
-        if hardly:
+        if weak:
             return None
         said, end = _CHANGES[-1], "changes what was measured by less, the smaller it is: its slope is zero"
     listed = [int(i) for i in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[i]) > _MIN_TEXT_COMPONENT]
     text = " with ".join(free.told(i, scaled[i] * said) for i in listed)
-    return ParameterCombination({free.names[i]: float(scaled[i]) for i in listed}, hardly, f"{text} {end}")
+    return ParameterCombination({free.names[i]: float(scaled[i]) for i in listed}, weak, f"{text} {end}")

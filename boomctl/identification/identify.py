@@ -38,7 +38,7 @@ _TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which the
 _TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
 _EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain them, though without modes (a choice)
 _FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
-_ORDERS = 11  # from half to the highest order, at which poles are tried (a choice)
+_ORDERS = 11  # Number of orders, from half to the highest.
 _HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
@@ -47,7 +47,7 @@ _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
 _LOSS = 1.0  # points of the fit that a structure may cost (a choice)
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
-_LATER = 3  # lags that are not asked, as the band alone correlates neighbors (a choice)
+_LATER = 3  # Excluded lags: the band correlates neighbors.
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class IdentifiedMode:
     energy_fraction : float
         Of the energy of what inputs move, outputs in units of their size, in that of all modes.
     stabilization : float
-        Share of the orders tried at which the mode stood before any fit; 0: found in residuals.
+        Fraction of the orders with a stable pole at the mode; 0 if it was found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
         Intervals of ``confidence_level`` for another record of the kind, from long parts of this one: structures drift.
     closely_spaced : bool
@@ -140,7 +140,7 @@ class IdentificationResult:
     uncertainty_source : str
         What intervals and validation come from.
     stabilization_poles : dict of int to ndarray
-        Poles [rad/s] at each order tried, before the fit.
+        Poles [rad/s] at each order, before the fit.
     validation_spectra : (3, n) ndarray
         Frequencies [Hz]; size of the outputs and of what is not predicted, on the part held back, over the outputs' size.
     elapsed : float
@@ -164,12 +164,12 @@ class IdentificationResult:
 
     @property
     def success(self) -> bool:
-        """Whether at least half of each output is predicted: ``fit_percent`` is 50 % or more."""
+        """True if ``fit_percent`` of each output is 50 % or more."""
         return min(self.fit_percent.values()) >= _POOR
 
     @property
     def message(self) -> str:
-        """How many modes were found, where and between which signals, and the fit, in one sentence."""
+        """Number of modes, band, signals and fit, in one sentence."""
         return f"{self._head()}; {self._fit()}"
 
     def family(
@@ -293,7 +293,7 @@ class IdentificationResult:
         )
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> Array:
-        """Draw poles over orders with the modes found, and the spectrum held back beside what is not predicted of it.
+        """Draw poles over orders with the identified modes, and spectra of validation data and residuals.
 
         Parameters
         ----------
@@ -350,7 +350,7 @@ def identify(
     validation_fraction : float
         Share of each record, at its end, that the model is validated on and never fitted to; 0: validated on all.
     order : int, optional
-        Highest order of the denominators from which poles are begun; the modes hardly depend on it.
+        Highest order of the common denominators; the modes depend weakly on it.
     confidence_level : float
         Of the intervals, between 0.5 and 1.
     error_model : "relative" or "absolute", optional
@@ -365,8 +365,8 @@ def identify(
     Raises
     ------
     TypeError, ValueError
-        Bad signals, as `estimate_frequency_response` refuses them; too short a record; inputs that move together; no mode
-        with evidence, or fewer than asked for; a model that predicts the held-back part worse than zero does, on average.
+        If signals are invalid, as for `estimate_frequency_response`, the record is too short, inputs are linearly dependent,
+        fewer modes than requested have evidence, or the mean fit on the validation data is negative.
 
     Warns
     -----
@@ -380,8 +380,8 @@ def identify(
     Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues and free motions
     solved for (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
     factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals, alone or as
-    a close pair, pass the same test in a window of their own; beside a mode that is there they must also lower the error on
-    blocks that are left out.  Integrators, up to two real poles, and pairs of poles outside the band are added only where
+    a close pair, pass the same test in a separate window; close to another mode they must also lower the error on left-out
+    blocks.  Integrators, up to two real poles, and pairs of poles outside the band are added only where
     that error falls.
 
     The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
@@ -411,7 +411,7 @@ def identify(
     whole_record: Spectra | None = None
     recorded = inputs.record if isinstance(inputs, FrequencyResponseEstimate) else None
     if is_frequency_response(inputs) and not (outputs is sample_time is intersample is None):
-        raise TypeError("outputs, sample_time, intersample: expected None beside a measured frequency response")
+        raise TypeError("outputs, sample_time, intersample: expected None for a measured frequency response")
     if error_model is not None and (recorded is not None or not is_frequency_response(inputs)):
         raise TypeError(
             f"error_model = {error_model!r}: expected None for a record, whose residuals say how large its errors are"
@@ -686,8 +686,8 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
     alike = (inside / size).conj().T @ (inside / size) / max(len(inside), 1)
     if np.linalg.eigvalsh(alike)[0] < _TOGETHER or (np.diagonal(alike) == 0.0).any():
         raise ValueError(
-            f"inputs: expected each to move by itself from {low:.4g} to {high:.4g} Hz; inputs that move together cannot be"
-            " told apart"
+            f"inputs: expected each to move by itself from {low:.4g} to {high:.4g} Hz; linearly dependent inputs cannot"
+            " be separated"
         )
     return low, high
 

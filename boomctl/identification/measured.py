@@ -1,4 +1,4 @@
-"""What is fitted to: measured eigenfrequencies, complex frequency responses, singular values; and what a model answers."""
+"""Data of a fit: natural frequencies, complex frequency responses, singular values; and those of the model."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from boomctl.structure.model import SecondOrderModel
 ERRORS = ("relative", "absolute")
 RESPONSE = "complex frequency response"
 BOUNDED = "bounded relative"  # for the search alone
-_MISSED = 3  # modes that the measurement may have missed and that are offered beside those measured (a choice)
+_MISSED = 3  # Modes of the model in addition to the measured ones, for the pairing.
 _LEFT_OUT = 1e3  # relative spread with which values that are left out are paired with modes
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
@@ -47,7 +47,7 @@ class Measured:
     values : ndarray
         Eigenfrequencies [Hz], (m,); complex response, (p, m, n); singular values, descending, (k, n).
     spread : ndarray
-        Shape of ``values``: how large their errors are beside each other; infinite where a value is left out.
+        Relative magnitudes of the errors, in the shape of ``values``; infinite for omitted values.
     errors : "relative" or "absolute"
         Whether errors are of the logarithm or of the value itself.
     omega : (n,) ndarray or None
@@ -57,7 +57,7 @@ class Measured:
     inputs, outputs : str, sequence of str or None
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
-        Inputs and outputs that stand in the measured data.
+        Inputs and outputs of the measured data.
     member : (n,) ndarray of int, or None
         Which of several data sets each entry of the last axis of ``values`` is from; None: there is one.
     noise : ndarray or None
@@ -155,12 +155,12 @@ class Measured:
 
     @property
     def size(self) -> int:
-        """How many numbers were measured; a complex one counts twice."""
+        """Number of measured values; complex ones count twice."""
         return int(self.kept.sum()) * (2 if np.iscomplexobj(self.values) else 1)
 
     @property
     def scale(self) -> float:
-        """What a relative error of one is in the residuals: root of the mean square."""
+        """Root mean square of the residuals for a relative error of one."""
         kept = self.kept
         size = np.abs(self.values[kept]) if self.errors == "absolute" else 1.0
         return float(np.sqrt(np.mean(np.square(size / self.spread[kept]))))
@@ -192,7 +192,7 @@ class Measured:
         return 100.0 * float(np.linalg.norm((fitted[self.kept] - values) / spread)) / size if size > 0.0 else np.inf
 
     def variance(self, differences: Array, modes: tuple[int, ...] | None) -> tuple[float, float]:
-        """Compute the mean square of the errors in residuals, and its degrees of freedom; ``nan`` where it is unknown.
+        """Compute the mean square of the errors in residuals, and its dof; ``nan`` if unknown.
 
         Of data sets of the same frequencies or modes, from their differences, otherwise from the deviations of the
         response.
@@ -370,7 +370,7 @@ def _numbers(name: str, value: Any, expected: str, kinds: str = "iufc") -> Array
 
 
 def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence[str] | None]:
-    """Return between which signals a model is asked: those named, those of the data, or the model's own."""
+    """Return the signals of the model: the named ones, those of the data, or all."""
     result: list[Sequence[str] | None] = []
     primary = getattr(getattr(model, "ports", None), "primary", None) or (None, None)
     for k, (name, said) in enumerate((("input", data.inputs), ("output", data.outputs))):
@@ -385,7 +385,7 @@ def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence
 
 
 def _of_data(model: Any, data: Measured, asked: Array) -> Array:
-    """Return frequency response data between the signals asked for, at the measured frequencies."""
+    """Return the frequency response between the selected signals, at the measured frequencies."""
     grid = np.asarray(model.omega)
     if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=ALIKE, atol=0.0):
         raise ValueError("model: expected a response at the measured frequencies, ascending")

@@ -28,7 +28,7 @@ class RankOne:
         Of a real pole half of what the output reads.
     D : (m, p) ndarray
     fixed : ndarray
-        Pairs that stand for modes outside the band.
+        Pairs that represent modes outside the band.
     residues : (f, 2, m, p) ndarray
         Their residues, real and imaginary parts.
     rigid_b : (m,) ndarray
@@ -103,7 +103,7 @@ class RankOne:
     def left(self, data: Spectra) -> Array:
         """Return the errors of a free run from the best initial state of each record, (2 n, p).
 
-        The initial state has one number for each state of the system, whatever the outputs.  In the spectrum its free
+        The initial state has one number for each state of the system. In the spectrum its free
         motion and the motion at the end of the record are one: neither is limited by the other.
         """
         y = real(data.Y) - self.predicted(data)

@@ -1,4 +1,4 @@
-"""Records of inputs and outputs over time, as they were sampled: what is read from the user, and what is refused."""
+"""Sampled records of inputs and outputs, and their checks."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ INTERSAMPLE = ("bl", "zoh")
 EXCITED = 1e-3  # of the largest power of an input: less says nothing (3 % of its amplitude; a choice)
 _FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
 _STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
-_LEVELS = 16  # values of a signal up to which it is coarse, and stands at its limits because of that (a choice)
+_LEVELS = 16  # Largest number of values of a coarse signal, which may be at its limits without saturation.
 _CLIPPED = 5  # least ratio of samples at a limit to samples at the value next to it, of a signal cut off
 _FAST, _UNIFORM, _FEW_VISITS = 2.9, 2.3, 3  # largest ratios of distances before a limit, of many and of few visits
 _RESOLVED, _FLAT = 4.0, 1e-9  # quanta of a distance that count as resolved; least quantum over the range of the signal
@@ -101,7 +101,7 @@ class Record:
         """Return the samples of a period [s], and how many whole periods the shortest record has."""
         samples = positive("period", period) / self.step
         if abs(samples - round(samples)) > _WHOLE * samples or round(samples) < 2:
-            raise ValueError(f"period = {period!r}: expected a whole number of samples, {self.step:g} s apart")
+            raise ValueError(f"period = {period!r}: expected a whole number of samples at {self.step:g} s")
         count = min(len(u) for u in self.u) // round(samples)
         if count < 2:
             raise ValueError(f"period = {period!r}: expected at least two periods in each record, got {count}")
@@ -120,7 +120,7 @@ def quantities(quantity: Any, outputs: Sequence[str]) -> tuple[str, ...]:
 
 
 def band(frequency_range_hz: Any, top: float) -> tuple[float, float]:
-    """Return a band of frequencies [Hz] within those that samples tell apart."""
+    """Return a band of frequencies [Hz] below the Nyquist frequency."""
     if frequency_range_hz is None:
         return 0.0, top
     ends = sequence("frequency_range_hz", frequency_range_hz, "two frequencies [Hz]")
@@ -204,7 +204,7 @@ def _from_rest(u: Array, y: Array, quantity: Sequence[str]) -> tuple[Array, Arra
 
 
 def _no_gap(of: str, u: Array, y: Array, step: float) -> None:
-    """Raise if all signals stand still at once and an output stops or starts at once, which no structure does."""
+    """Raise an error if all signals are constant and an output stops or starts abruptly."""
     rates = np.abs(np.diff(y, axis=0))
     typical = _ABRUPT * np.sqrt(np.square(rates).sum(axis=0) / np.maximum((rates > 0.0).sum(axis=0), 1))
     typical = np.maximum(
@@ -217,8 +217,8 @@ def _no_gap(of: str, u: Array, y: Array, step: float) -> None:
             continue
         if (rates[stop] > typical).any() or (not driven[start] and (rates[start] > typical).any()):
             raise ValueError(
-                f"inputs, outputs{of}: expected no gap, but every signal stands still from {step * (stop + 1):g} to"
-                f" {step * start:g} s; give what lies on its two sides as two records"
+                f"inputs, outputs{of}: expected no gap, but every signal is constant from {step * (stop + 1):g} to"
+                f" {step * start:g} s; pass the two sides as two records"
             )
 
 

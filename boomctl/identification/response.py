@@ -166,8 +166,8 @@ def estimate_frequency_response(
     inside = (hz > 0.0) & (hz >= low) & (hz <= high)
     if not (inside & excited).any():
         raise ValueError(
-            "inputs: expected power, and of each input its own, at some frequency of the band; inputs that move together"
-            " cannot be told apart, nor can many inputs in a short record"
+            "inputs: expected power, and of each input its own, at some frequency of the band; linearly"
+            " dependent inputs cannot be separated, nor can many inputs in a short record"
         )
     use = inside & excited
     hz = hz[use]

@@ -29,7 +29,7 @@ class FitResult(Summarized):
     Attributes
     ----------
     parameters : dataclass or dict
-        The whole record, of the kind begun from, with what was fitted in it.
+        Record of parameters, of the type of the initial one, with the fitted values.
     names : tuple of str
         The free parameters.
     values : dict of str to float
@@ -41,10 +41,10 @@ class FitResult(Summarized):
     confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
-        Standard error of each parameter, from ``uncertainty_source``; ``inf`` where a parameter is not seen.
+        Standard error of each parameter, from ``uncertainty_source``; ``inf`` if a parameter is not identifiable.
     covariance : (p, p) ndarray
         Covariance of the free parameters, from ``uncertainty_source``, in the parameters' units; ``inf`` and ``nan`` in rows
-        and columns of what is not seen.
+        and columns of parameters that are not identifiable.
     data : Measured
         What was fitted to, as it was compared.
     best_fit, initial_fit : ndarray
@@ -59,15 +59,15 @@ class FitResult(Summarized):
     error_std_estimated : bool
         Whether ``error_std`` was estimated.
     dof : int
-        Measured numbers beyond those that the seen combinations of parameters take up.
+        Number of measured values less that of identifiable combinations of parameters.
     unidentifiable : tuple of ParameterCombination
-        Combinations of parameters that the measurements do not see, or hardly see.
+        Combinations of parameters that are not or weakly identifiable.
     certificate : FitCertificate
-        What was found about the fit apart from its solver.
+        Verification of the fit, independent of the solver.
     uncertainty_source : str
         What the intervals come from: data sets, blocks of frequencies, or residuals taken for independent.
     parameter_dof : dict of str to float
-        Degrees of freedom of each standard error, for Student's t; infinite where the deviation was given.
+        Dof of each standard error, for Student's t; infinite if the deviation was given.
     per_dataset : tuple of dict
         Values that each of several data sets has by itself; empty of one.
     nfev : int
@@ -112,7 +112,7 @@ class FitResult(Summarized):
 
     @property
     def success(self) -> bool:
-        """Whether the minimum is certified; see ``certificate``, whose ``adequacy`` compares residuals with errors."""
+        """True if the minimum is certified; see ``certificate``, whose ``adequacy`` compares residuals with errors."""
         return self.certificate.certified
 
     def family(
@@ -162,7 +162,7 @@ class FitResult(Summarized):
 
     @property
     def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
-        """Value and ends of the interval of each parameter, and degrees of freedom."""
+        """Value, interval and dof of each parameter."""
         return {name: (self.values[name], *self.intervals[name]) for name in self.names}, self.parameter_dof
 
     def interval_text(self, name: str) -> str:
@@ -190,7 +190,7 @@ class FitResult(Summarized):
         Returns
         -------
         pandas.DataFrame
-            One row a parameter: value, standard error, ends of the interval, degrees of freedom.
+            One row for each parameter: value, standard error, interval, dof.
         """
         low, high = ({name: self.intervals[name][end] for name in self.names} for end in (0, 1))
         columns = {
@@ -202,7 +202,7 @@ class FitResult(Summarized):
         return data_frame(columns | {"dof": self.parameter_dof}, "parameter", index=self.names)
 
     def __str__(self) -> str:
-        """Return parameters, intervals, what is not seen and the certificate as lines of text.
+        """Return parameters, intervals, unidentifiable combinations and the certificate as text.
 
         Returns
         -------
@@ -235,7 +235,7 @@ class FitResult(Summarized):
         return f"errors of {size}, {'estimated from the residuals' if self.error_std_estimated else 'as given'}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
-        """Draw measured values beside fitted ones and those at the start.
+        """Draw measured values, fitted values and those at the start.
 
         Parameters
         ----------

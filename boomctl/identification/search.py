@@ -23,11 +23,11 @@ MOST_DAMPED = 0.6  # Largest damping ratio of a mode.
 _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
-_SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for a term beside the modes that are there.
+_SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for an additional term.
 _WORTH = 0.05  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
 _WORTH_OF_RIGID_BODY = 0.1  # The same for integrators and real poles.
 _REAL_POLES = 2  # Largest number of real poles.
-_RATES_OF_REAL_POLES = 5  # Rates that are tried, from the slowest to the highest frequency.
+_RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
@@ -35,7 +35,7 @@ _LESS_STEADY = 0.2  # The same where that fit finds no pole.
 _REACH = 6.0  # Half widths to either side of a resonance in its window.
 _FEWEST = 12  # Lines to either side at least.
 _MOST = 64  # Lines to either side at most; of wider windows some lines are left out.
-_RATES = 4  # Decay rates that are tried, each four times the one before, from half the resolution.
+_RATES = 4  # Decay rates of candidates, each four times the previous one, from half the resolution.
 _BESIDE = 0.1  # Least evidence of a candidate over the largest one.
 _CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 
@@ -43,7 +43,7 @@ _CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 def search_poles(
     data: Spectra, low: float, high: float, orders: tuple[int, ...], integrators: tuple[int, ...] = (0, 1, 2)
 ) -> tuple[CommonPoles, Array, tuple[Track, ...]]:
-    """Search the poles of a record within a band, and beside it where the left-out error falls.
+    """Search the poles of a record within a band, and outside it where the left-out error falls.
 
     Returns the fit, those of its poles that may be two, and the poles at each order.
 
@@ -240,7 +240,7 @@ def _weighted(fit: CommonPoles) -> CommonPoles:
 
 
 def _with_evidence(fit: CommonPoles) -> CommonPoles:
-    """Return the fit without the poles that lack evidence: the weaker half of them goes, then all are judged anew."""
+    """Remove the poles without evidence: the weaker half first, then all are evaluated again."""
     while len(fit.poles):
         evidence = fit.evidence
         lacking = np.flatnonzero(evidence < needed(fit))
@@ -271,14 +271,14 @@ def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]
 def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     """Find poles in the residuals [rad/s] that are determined in a window of their own.
 
-    Where one pole is not, two are tried: close modes of which neither is determined alone.
+    If one pole is not determined, two are tested: close modes of which neither is determined alone.
 
     Returns
     -------
     poles : ndarray
-        New poles, apart from those of the fit or beside one of them.
+        New poles, separate from those of the fit or close to one of them.
     unresolved : (k,) ndarray of bool
-        Poles of the fit beside which the left-out error shows another one.
+        Poles of the fit with another one nearby, by the left-out error.
     """
     data, result = _in_residuals(fit)
     least = needed(fit)

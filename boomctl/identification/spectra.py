@@ -12,8 +12,8 @@ from boomctl.lti.python_control import control
 
 _HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
 _FREQUENCIES = 8  # of a response in the band: least that show a mode on a background
-FEWEST = 24  # lines in the band for each input: fewer bear no mode with its background (a choice)
-# powers of frequency, from -1 (a drift) on, for what a record's ends leave beside free motions (measured: 3 to 10 alike)
+FEWEST = 24  # lines in the band for each input: fewer do not determine a mode with its background.
+# Powers of frequency, from -1 (a drift) on, for the effect of the ends of a record, in addition to free motions.
 _EDGES = 5
 
 
@@ -112,7 +112,7 @@ class Spectra:
 
     @property
     def records(self) -> int:
-        """How many records have transients."""
+        """Number of records with transients."""
         return len(self.lengths)
 
     @property
@@ -179,7 +179,7 @@ class Spectra:
         return (self.record[:, None] == np.arange(self.records)).astype(float)
 
     def rest(self, fixed: Array, integrators: int = 0) -> Array:
-        """Return the columns beside the poles, (2 n, k): feedthrough, fixed pairs, integrators, ends of each record."""
+        """Return the columns other than those of the poles, (2 n, k): feedthrough, fixed pairs, integrators, ends."""
         columns = [self.U]
         if len(fixed):
             columns.append(_both(self.simple(fixed)[0], self.simple(fixed.conj())[0], self.U))
@@ -194,7 +194,7 @@ class Spectra:
         return [self.step / (z - 1.0), 0.5 * self.step**2 * (z + 1.0) / np.square(z - 1.0)][:count]
 
     def ends(self, integrators: int = 0) -> Array:
-        """Return columns of the difference of each record's ends beside free motions, (2 n, k)."""
+        """Return columns of the difference of the ends of each record, in addition to free motions, (2 n, k)."""
         powers = np.arange(-max(integrators, 1), _EDGES - 1.0)
         columns = (self.s[:, None] / self.top) ** powers
         return real((self._own[:, :, None] * columns[:, None, :]).reshape(len(self.s), len(powers) * self.records))
@@ -247,7 +247,7 @@ def rms(columns: Array) -> Array:
 
 
 def _enough(lines: int, inputs: int) -> None:
-    """Refuse a part of a record with hardly a line in the band."""
+    """Raise an error for a part of a record with too few lines in the band."""
     if lines < FEWEST * inputs:
         raise ValueError(
             f"inputs: expected at least {FEWEST * inputs} lines of the spectrum in the band, got {lines}"

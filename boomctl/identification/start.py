@@ -9,7 +9,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.identification.spectra import Spectra, rms
 
-_CIRCLE = 0.95  # share of the unit circle that the band takes up: its ends stay apart (a choice)
+_CIRCLE = 0.95  # Fraction of the unit circle that the band occupies; its ends remain separate.
 _RIDGE = 1e-12  # of the largest entry, added to the products of columns: rounding
 _NEAR = 0.1  # Largest change of a pole between orders over its frequency.
 _OWN = 0.5  # of its decay rate, or of the resolution of the record, that it may move as well
@@ -17,14 +17,14 @@ _OWN = 0.5  # of its decay rate, or of the resolution of the record, that it may
 
 @dataclass(frozen=True)
 class Track:
-    """A pole as it stands at several orders.
+    """Stable pole at several orders.
 
     Attributes
     ----------
     poles : tuple of complex
         [rad/s]
     orders : tuple of int
-        Those at which it stands.
+        Orders at which it is stable.
     """
 
     poles: tuple[complex, ...]

@@ -1,4 +1,4 @@
-"""What parameters cannot explain of a measured response, as a bound over frequency."""
+"""Bound of the difference between a measured response and a model over frequency."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _MAX_ORDER = 12  # poles: more of them follow single frequencies, and the roots of polynomials lose digits (a choice)
 _APART = 1.5  # ratio of the poles above the highest frequency, so that each has a residue of its own (a choice)
-# share of the largest magnitude below which smaller ones do not count for less room above them (a choice)
+# Magnitudes below this fraction of the largest one are rounded up to it for the fit.
 _SMALL = 1e-3
 _BESIDE = np.geomspace(1.0, 1e3, 101)[1:]  # beyond the frequencies: from there on a band is what it is at its limit
 
@@ -36,7 +36,7 @@ def uncertainty_weight(
     order: int = 6,
     fall: int = 2,
 ) -> "control.StateSpace":
-    """Return filters that bound what a measured response has beside a model, entry by entry.
+    """Return filters that bound the difference of a measured response and a model, entry by entry.
 
     At each measured frequency an entry is at least the size of measured less model, and as much more as the deviation of the
     measurement may hide.  Beyond them it is at least the size at the lowest of them, and at the highest, falling; between
@@ -122,9 +122,9 @@ def uncertainty_weight(
 def overbound(omega: Array, size: Array, order: int, fall: int) -> Lti:
     """Return a filter with real poles whose magnitude is at least ``size`` at all frequencies, and near it on average.
 
-    Below the lowest frequency it is at least the size there, above the highest one at least the size there, falling as told.
-    Its squared magnitude is a sum of bands, each flat between two neighboring poles and falling to either side.  Their
-    heights are found by a linear programme.
+    Below the lowest frequency it is at least the magnitude there, and above the highest one, with the given slope. Its
+    squared magnitude is a sum of bands, each flat between two neighboring poles and falling to either side. Their heights
+    are found by a linear program.
 
     Parameters
     ----------
@@ -170,5 +170,5 @@ def overbound(omega: Array, size: Array, order: int, fall: int) -> Lti:
     C, D = (np.sign(residues) * root)[None, :], np.array([[gain if last == order else 0.0]])
     filters = Lti(np.diag(-poles), root[:, None], C, D)
     there = np.abs(filters.response(omega)[0, 0])
-    spare = max(float((size / there).max()), 1.0) * (1.0 + ALIKE)  # the programme ends within its tolerance
+    spare = max(float((size / there).max()), 1.0) * (1.0 + ALIKE)  # The linear program ends within its tolerance.
     return Lti(filters.A, filters.B, spare * filters.C, spare * filters.D)

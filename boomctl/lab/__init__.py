@@ -1,1 +1,1 @@
-"""What the package is measured by: published papers, run time against error, promises where they are hardest."""
+"""Reproduction of the papers, and the benchmark of run time and error."""

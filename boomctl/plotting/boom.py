@@ -77,7 +77,7 @@ def draw_convergence(convergence: "dict[str, dict[str, Array]]") -> Any:
 
 
 def _slope(ax: Any, sizes: Array, error: Array, order: int) -> None:
-    """Draw a line of the expected order beside the second frequency's error."""
+    """Draw a line of the expected order next to the error of the second frequency."""
     n = np.array([sizes[1], sizes[len(sizes) * 2 // 3]], dtype=float)
     start = 8.0 * error[1].max()
     ax.loglog(n, start * (n / n[0]) ** -order, "k--", linewidth=0.8)

@@ -1,4 +1,4 @@
-"""What pictures are drawn on: axes of the user, a figure that pyplot shows, or a plain one of a report; and their look.
+"""Axes and figures to draw on, and their style: axes of the user, figures of pyplot, or plain figures of a report.
 
 Every function ``plot_*`` takes ``ax`` and hands it to :func:`panels`; nothing else in the package knows pyplot.
 """
@@ -156,14 +156,14 @@ def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divi
 
 
 def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
-    """Return how a line looks: by default, but for what is asked for in matplotlib's words, long or short.
+    """Return line properties: the defaults, updated by properties of matplotlib in long or short form.
 
-    A label that is asked for stands before the line's own: "LQG: tip_left".
+    A given label is prefixed to the default label: "LQG: tip_left".
 
     Raises
     ------
     TypeError
-        What is asked for is nothing that a line has.
+        If a property is not one of a line.
     """
     given = normalize_kwargs(dict(asked), Line2D)
     for name in given:
@@ -181,7 +181,7 @@ def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
 
 
 def in_rows(count: int) -> tuple[int, int, Divide]:
-    """Return how many of so many panels stand in a row, how many rows there are, and what divides a figure so."""
+    """Return the number of columns and rows for a number of panels, and the grid."""
     columns = min(count, IN_A_ROW)
     rows = -(-count // columns)
 
@@ -205,7 +205,7 @@ def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
 
 
 def legend(ax: Any, outside: str = "", columns: int = 1, **look: Any) -> None:
-    """Draw a legend if a curve has a name: within the axes, or where the layout gives room "above", "above left", "right"."""
+    """Draw a legend if a curve has a label, within the axes or outside them ("above", "above left", "right")."""
     if ax.get_legend_handles_labels()[1]:
         ax.legend(**look, **(_OUTSIDE[outside] | {"ncols": columns} if outside and beside(ax) else {}))
 
@@ -215,7 +215,7 @@ _OUTSIDE: dict[str, dict[str, Any]] = {
     "above left": {"loc": "lower left", "bbox_to_anchor": (-0.05, 1.0)},
     "right": {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)},
 }
-"""Where legends stand outside the axes."""
+"""Positions of legends outside the axes."""
 
 
 def labeled(name: str, unit: str) -> str:
@@ -233,7 +233,7 @@ def few_labels(ax: Any) -> None:
 
 
 def beside(ax: Any) -> bool:
-    """Return whether what stands beside the axes is given room by the figure's layout."""
+    """Return True if the layout of the figure reserves space outside the axes."""
     return ax.figure.get_layout_engine() is not None
 
 

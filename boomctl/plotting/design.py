@@ -1,4 +1,4 @@
-"""Pictures over frequency of what designs are judged by: reductions, recovered loops."""
+"""Frequency plots of reductions and recovered loops."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,7 @@ def plot_reduction(
     frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
     **style
-        Of all curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------
@@ -81,7 +81,7 @@ def plot_recovery(
     frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
     **style
-        Of all curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------
@@ -126,7 +126,7 @@ def plot_h_infinity(
     frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis, by default that of the curves that are there already.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def plot_tune(
     frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis, by default that of the curves that are there already.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Pictures of fits: what was measured beside what the model answers, before and after."""
+"""Plots of fits: measured values and those of the model, before and after the fit."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +18,10 @@ _SHADE = 0.25  # opacity of an interval (a choice)
 
 
 def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
-    """Draw measured values beside fitted ones and those at the start; return the axes.
+    """Draw measured values, fitted values and those at the start; return the axes.
 
-    Eigenfrequencies stand over the numbers of their modes with the deviation of their errors; responses and singular values
-    by magnitude over frequency; of several data sets each in a color of its own.  ``drawn`` is the style of what is fitted.
+    Natural frequencies are drawn over the numbers of their modes with the standard deviation of their errors; responses
+    and singular values by magnitude over frequency, each data set in its color.  ``drawn`` is the style of the fit.
     """
     with panels(ax, ("fit",), (6.4, 4.8)) as (axes,):
         (_draw_curves if result.mode_numbers is None else _draw_eigenfrequencies)(result, axes, drawn)
@@ -111,7 +111,7 @@ def plot_response(
 
 
 def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: Any) -> Any:
-    """Draw poles over orders with the modes found, and outputs held back beside what is not predicted; return the axes."""
+    """Draw poles over orders with the identified modes, and spectra of validation data and residuals; return the axes."""
     with panels(ax, ("stabilization", "validation"), (7.0, 5.5)) as axes:
         first = {"label": "pole before the fit"}
         for order, poles in found.stabilization_poles.items():

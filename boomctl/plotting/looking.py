@@ -53,7 +53,7 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
     frequency_unit : {"Hz", "rad/s"}, optional
         Of the frequency axis, by default that of the curves that are there.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------
@@ -121,19 +121,21 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
     half = half if fresh else max(half, ax.get_xlim()[1])
     _arrows(ax, curve, half, look["color"])
     if disk is not None and fresh:
-        doubt = "" if disk.verified else ", not verified"
-        ax.plot([], [], color=SHADE, linewidth=6, label=f"critical disk: margin {disk.alpha:.3g}{doubt}")
+        status = "" if disk.verified else ", not verified"
+        ax.plot([], [], color=SHADE, linewidth=6, label=f"critical disk: margin {disk.alpha:.3g}{status}")
     ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel=f"Re({name})", ylabel=f"Im({name})")
     legend(ax, "above left", fontsize=7, alignment="left")
 
 
 def _smooth(curve: Array) -> Array:
-    """Return a curve without corners through places that are less than 30 degrees apart."""
+    """Return a smooth curve through points that are less than 30 degrees apart."""
     from scipy.interpolate import CubicSpline  # long to import
 
     apart = np.abs(np.diff(curve))
     kept = np.append(True, apart > SUMMED * np.abs(curve).max())
-    along = np.cumsum(np.append(0.0, np.sqrt(np.abs(np.diff(curve[kept])))))  # of the root: no loops beside long steps
+    along = np.cumsum(
+        np.append(0.0, np.sqrt(np.abs(np.diff(curve[kept]))))
+    )  # Square roots of the lengths avoid loops next to long steps.
     if len(along) < 3:
         return curve
     t = np.interp(np.arange(_BETWEEN * (len(along) - 1) + 1) / _BETWEEN, np.arange(len(along)), along)
@@ -141,12 +143,12 @@ def _smooth(curve: Array) -> Array:
 
 
 def _arrows(ax: Any, curve: Array, half: float, color: Any) -> None:
-    """Draw the direction of a curve where it is seen, at two places."""
+    """Draw the direction of the visible part of a curve, at two points."""
     inside = np.flatnonzero((np.abs(curve[:-1].real) < half) & (np.abs(curve[:-1].imag) < half))
     if len(inside) < 3:
         return
     along = np.cumsum(np.abs(np.diff(curve))[inside])
-    for share in (0.3, 0.7):  # of the way that is seen (a choice)
+    for share in (0.3, 0.7):  # Fractions of the visible length.
         k = int(inside[np.searchsorted(along, share * along[-1])])
         step = curve[k + 1] - curve[k]
         if step == 0.0:
@@ -167,7 +169,7 @@ def plot_transient(result: "TimeResponse", ax: Any = None, **style: Any) -> Arra
     ax : sequence of matplotlib Axes, or a figure, optional
         One axes an output; by default a new figure of pyplot.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------
@@ -231,14 +233,16 @@ def _top(result: "PoleZeroResult") -> float:
 
 
 def _damping_lines(ax: Any) -> None:
-    """Draw lines of equal damping where they are seen, each with its ratio where it leaves the picture."""
+    """Draw lines of equal damping within the axes, each with its ratio at the edge."""
     (left, right), (low, high) = ax.get_xlim(), ax.get_ylim()
     ax.set(xlim=(left, right), ylim=(low, high), autoscale_on=False)
     reach = max(-left, 0.0)
     if reach == 0.0 or high <= 0.0:
         return
     steep = reach / high  # of the diagonal of the picture, as a ratio of real to imaginary part
-    near = [z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep]  # lines that are told apart
+    near = [
+        z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep
+    ]  # Lines that are distinguishable.
     for ratio in near[:: max(1, -(-len(near) // _LINES))]:
         slope = ratio / np.sqrt(1.0 - ratio * ratio)
         x = max(left, -slope * high)
@@ -263,7 +267,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     signals : sequence of str
         Which signals or loops; by default those that all have, six at most.
     **style
-        Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 # outputs by how their names end, and the panel that they have to themselves: one with the others would show only some
 _APART = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
-_ABOVE = 1.6  # of the largest control, shown of what was asked for (a choice)
+_ABOVE = 1.6  # Upper limit of the axis for requested controls, relative to the largest control.
 
 
 def plot_loop(
@@ -28,11 +28,11 @@ def plot_loop(
     result : LoopResult
     ax : sequence of matplotlib Axes, or a figure, optional
         One for the outputs of each unit, the strokes, the controls and the friction, those that there are; accelerations,
-        moments and strains are apart where units are not known.  By default a new figure of pyplot.
+        moments and strains are drawn separately if units are unknown.  By default a new figure of pyplot.
     outputs : str or sequence of str, optional
         By default the first six that are not strokes.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------
@@ -67,7 +67,7 @@ def _draw_groups(result: Any, groups: list[tuple[str, str, dict[str, Any]]], ax:
 
 
 def _chosen(there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()) -> dict[str, Any]:
-    """Return the outputs to draw: those asked for, or the first."""
+    """Return the outputs to draw: the requested ones, or the first."""
     if asked is not None:
         return {name: there[name] for name in names("output", asked, tuple(there))}
     return {name: there[name] for name in [name for name in there if name not in without][: len(COLORS)]}
@@ -84,12 +84,12 @@ def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> lis
 
 
 def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[str, Any]) -> None:
-    """Draw some signals; behind controls what was asked for, on strokes where a stop was met."""
+    """Draw signals; with controls also the requested ones, with strokes also the contacts with stops."""
     low, high = ax.get_ylim() if ax.has_data() else (0.0, 0.0)
     for k, (name, values) in enumerate(signals.items()):
         look = line_look(style, color=COLORS[k % len(COLORS)], linewidth=1.0, label=name)
         if kind == "controls" and (result.saturation_fraction[name] or result.rate_limit_fraction[name]):
-            behind = look | {"linewidth": 0.8, "alpha": 0.35, "label": f"{look['label']}, asked for"}
+            behind = look | {"linewidth": 0.8, "alpha": 0.35, "label": f"{look['label']}, requested"}
             ax.plot(result.time, result.commanded[name], **behind)
         ax.plot(result.time, values, **look)
         hits = [hit.time for hit in result.stop_contacts if hit.output == name] if kind == "strokes" else []
@@ -97,7 +97,7 @@ def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[
             label = f"{look['label']}: {len(hits)} {'hit' if len(hits) == 1 else 'hits'}"
             at = np.interp(hits, result.time, values)
             ax.plot(hits, at, "v", color=look["color"], markersize=4, label=label)
-    if kind == "controls":  # what was asked for may be far beyond what was given
+    if kind == "controls":  # Requested controls may be much larger.
         size = _ABOVE * max((float(np.abs(values).max()) for values in signals.values()), default=0.0) or 1.0
         ax.set_ylim(min(low, -size), max(high, size))
 
@@ -115,7 +115,7 @@ def plot_forced_response(
     outputs : str or sequence of str, optional
         By default the first six.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------

@@ -119,13 +119,13 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
         if np.isfinite(loop.delay_margin)
         else "delay: any"
     )
-    doubt = "" if loop.disk_margin.verified else ", not verified"
+    status = "" if loop.disk_margin.verified else ", not verified"
     return [
         (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLORS[1]),
         (phase, place(loop.phase_margin_omega), "o", COLORS[2]),
         (delay, place(loop.delay_margin_omega), "^", COLORS[3]),
         (
-            f"disk {loop.disk_margin.alpha:.3g}{doubt}{hz(loop.disk_margin.omega)}",
+            f"disk {loop.disk_margin.alpha:.3g}{status}{hz(loop.disk_margin.omega)}",
             place(loop.disk_margin.omega),
             "D",
             COLORS[5],

@@ -1,4 +1,4 @@
-"""Pictures of mode shapes: a machine as it swings, or its coordinates as bars."""
+"""Plots of mode shapes: the deformed machine, or its coordinates as bars."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,7 @@ _FLAT = (
     0.02  # share of its length up to which a machine is a line, whose motion is drawn to a scale of its own (a choice)
 )
 _SCALE = 0.15  # of a machine's size, as which the largest motion of others is drawn (a choice)
-_ACROSS = "along the beam, drawn across"  # said of a motion that has no room along the line
+_ACROSS = "along the beam, drawn across"  # Axial motion, which is not visible along the line.
 _MOST_NAMED = 30  # coordinates that are named below their bars (a choice)
 
 
@@ -60,7 +60,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
 def _machine(
     ax: Any, lines: "tuple[BodyShape, ...]", mode: int, flat: bool, size: float, style: dict[str, Any]
 ) -> None:
-    """Draw bodies at rest, dashed, and as they swing."""
+    """Draw the undeformed machine, dashed, and the mode shape."""
     largest = max(float(np.abs(line.displacement[mode]).max(initial=0.0)) for line in lines) or 1.0
     along = flat and max(float(np.abs(x.displacement[mode, :, 1]).max(initial=0.0)) for x in lines) < 1e-3 * largest
     factor = 1.0 / largest if flat else _SCALE * size / largest
@@ -99,6 +99,6 @@ def _bars(ax: Any, result: "ModeShapes", mode: int, style: dict[str, Any]) -> No
     ax.axhline(0.0, color="0.6", linewidth=0.8, zorder=0)
     ax.set(ylim=(-1.25, 1.25), ylabel="shape")
     if len(here) <= _MOST_NAMED:
-        ax.set_xticks(here, result.coordinates, rotation=90 if len(here) > 8 else 0)  # as many stand beside each other
+        ax.set_xticks(here, result.coordinates, rotation=90 if len(here) > 8 else 0)  # As many labels fit.
     if mode == len(result.names) - 1:
         ax.set_xlabel("coordinate")

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from boomctl.plotting.canvas import COLORS, divided, few_labels, panels
 
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # as many as tell methods of one color apart
+_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # Markers of the methods of one color.
 _FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
 _USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
 _WAYS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
@@ -18,10 +18,10 @@ _WAYS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
 def plot_precision(diagram: Any, ax: Any = None) -> Any:
     """Draw run time over error, cold and hot, on two axes; return them.
 
-    Full lines are ours, dashed ones others'; the grey line is the front: nobody is both faster and more exact.
+    Solid lines are boomctl, dashed lines other programs; the gray line is the front of all.
     """
     divide = divided(1, 2, sharex=True, sharey=True)
-    # a line of the legend, which stands below, for each four methods
+    # One line of the legend for four methods.
     with panels(ax, list(_WAYS), (10.5, 4.8 + 0.18 * (len(diagram.methods) // 4)), divide) as axes:
         looks = _looks(diagram.methods)
         for way, drawn_on in zip(_WAYS, axes, strict=True):

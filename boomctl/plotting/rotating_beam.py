@@ -53,11 +53,11 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
 
 
 def mark_large(ax: Any, result: Any) -> None:
-    """Mark the instant from which on the tip is beyond a tenth of the length."""
+    """Mark the time at which the tip displacement exceeds a tenth of the length."""
     until = result.small_deformation_until
     if result.time[0] <= until <= result.time[-1]:
         ax.axvline(until, color="0.4", linewidth=0.9, linestyle="--")
-        below = np.interp(until, result.time, result.tip_displacement) < 0.0  # the curve: words stand above it then
+        below = np.interp(until, result.time, result.tip_displacement) < 0.0  # The label is above the curve then.
         y, upright = (0.96, "top") if below else (0.04, "bottom")
         ax.annotate(
             "beyond a tenth\nof the length", (until, y), xycoords=("data", "axes fraction"),

@@ -25,8 +25,8 @@ def plot_sigma(result: "SigmaResult", ax: Any = None, *, frequency_unit: str | N
     ax : matplotlib Axes, Figure or SubFigure, optional
         Where to draw, for instance an axes of one of python-control's own plots; by default a new figure of pyplot.
     frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
-        frequencies were asked for, Hz where none were.
+        Unit of the frequency axis. If None, that of the existing axes, otherwise that of the requested frequencies,
+        or Hz.
     **style
         Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
 
@@ -58,7 +58,7 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
     color = look.get("color")
     if not result.stable:
         said = f"{label or 'unstable'}: no response to sines, which would grow"
-        place = 1.02 + 0.06 * len(ax.texts)  # of the axes: beside all curves, above what is said of other systems
+        place = 1.02 + 0.06 * len(ax.texts)  # In axes units: right of the curves, above the notes of other systems.
         ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
     if result.verified and np.isfinite(result.peak) and result.peak_omega > 0.0:
         said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK

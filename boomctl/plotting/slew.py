@@ -29,7 +29,7 @@ from boomctl.plotting.rotating_beam import mark_large
 _SHAPES = "osDPXph*d<>"
 _BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: the middle run, the middle half, nine of ten (a choice)
 _NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
-_NOTHING = 1e-4  # vibration that is drawn as none [m]: 0.1 mm of a beam of 8 m is not to be seen
+_NOTHING = 1e-4  # Vibration that is drawn as zero [m].
 _AROUND = 0.01  # share of the time that is left free at both ends, where a torque begins and ends upright (a choice)
 
 
@@ -192,8 +192,8 @@ def _draw_over_time(
 
 
 def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> None:
-    """Vibration over duration; less than 0.1 mm counts as nothing and stands on the lower edge."""
-    for line, x in zip(lines, _apart([line.duration for line in lines]), strict=True):
+    """Vibration over duration; less than 0.1 mm is drawn on the lower edge."""
+    for line, x in zip(lines, _separated([line.duration for line in lines]), strict=True):
         look = looks[line.name]
         low, planned, high = np.maximum(
             [line.residual_vibration_low, line.residual_vibration, line.residual_vibration_high], _NOTHING
@@ -211,7 +211,7 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
 
 
 def _draw_loaded(ax: Any, comparison: Any, looks: dict[str, Any]) -> None:
-    """Vibration over tip mass; less than 0.1 mm counts as nothing and stands on the lower edge."""
+    """Vibration over tip mass; less than 0.1 mm is drawn on the lower edge."""
     for line in comparison.rows:
         left = np.maximum(line.vibrations, _NOTHING)
         ax.plot(comparison.tip_masses, left, linewidth=0.8, markersize=5, clip_on=False, **looks[line.name])
@@ -225,7 +225,7 @@ def _vibration_ticks(ax: Any) -> None:
     ax.set_yticks(ticks, [r"$\leq 10^{-4}$", *(f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks[1:])])
 
 
-def _apart(values: list[float]) -> Array:
+def _separated(values: list[float]) -> Array:
     """Abscissae of markers: equal ones are moved a little aside."""
     places = np.array(values)
     step = 0.025 * max(float(np.ptp(places)), 1e-9)
@@ -250,9 +250,9 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
     -------
     (4,) ndarray of matplotlib Axes
     """
-    apart = study.outputs["hub_angle"] - study.reference["hub_angle"]
+    deviation = study.outputs["hub_angle"] - study.reference["hub_angle"]
     rows = (
-        ("hub angle less plan [rad]", apart, None),
+        ("hub angle less plan [rad]", deviation, None),
         ("tip displacement [m]", study.outputs["tip_displacement"], study.reference["tip_displacement"]),
         ("torque [N m]", study.outputs["torque"], study.reference["torque"]),
     )
@@ -321,7 +321,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
             inside = np.maximum(sign * curve.values, 0.0) * sign
             upper.fill_between(curve.time, 0.0, inside, color=color, alpha=0.18, linewidth=0.0)
         upper.plot(curve.time, curve.values, **line_look(style, color="0.15"))
-        # most switches stand where the function is small
+        # Most switches are where the function is small.
         upper.set_yscale("function", functions=(np.cbrt, lambda root: root**3))
         ticks = (-1.0, -0.1, -0.01, 0.0, 0.01, 0.1, 1.0)
         upper.set_yticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
@@ -347,9 +347,9 @@ def animate_slew(
     motions : mapping of str to SimulationResult
         Motions by the name that the legend shows; ``h.simulate(slew, timepts)`` returns one.
     title : str
-        Stands above the time.
+        Title, above the time.
     until : float, optional
-        Last instant [s]; by default that of the first motion.
+        End time [s]. If None, that of the first motion.
     time_step : float
         Between frames [s].
 
@@ -420,7 +420,7 @@ def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
         axes[0].vlines(times, 0.0, sizes, color=look["color"], linewidth=1.4)
         axes[0].plot(times, sizes, **(look | {"marker": "o", "markersize": 4, "linestyle": "none"}))
         axes[0].set(xlabel="time [s]", ylabel="share of the command", ylim=(0.0, 1.1))
-        # without damping the impulses are half a period apart; one alone belongs to no frequency
+        # Without damping the impulses are separated by half a period.
         designed = np.pi / times[1] if len(times) > 1 else 1.0
         omega = np.linspace(0.0, 2.0 * designed, 401)
         axes[1].plot(omega, [100.0 * result.residual_vibration(float(w)) for w in omega], **look)

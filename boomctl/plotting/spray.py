@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from boomctl.boom.spray import SprayResult
     from boomctl.boom.tracks import Track
 
-# doses at which the color changes: ±2, 5, 10 and 20 % as deposits are judged by, then coarser
+# Doses at which the color changes: ±2, 5, 10 and 20 %, then coarser.
 _STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
 _SHADES = (
     "#67001f",
@@ -99,7 +99,7 @@ def plot_track(track: Track, ax: Any = None, **style: Any) -> Any:
     ax : matplotlib Axes or figure, optional
         By default a new figure of pyplot.
     **style
-        Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
     Returns
     -------

@@ -49,7 +49,11 @@ def draw_suspension_sigma(
         passive.plot(ax, frequency_unit="Hz", label=labels[0], color=_PASSIVE)
         active.plot(ax, frequency_unit="Hz", label=labels[1], color=_ACTIVE)
         if exact is not None:
-            dots = {"color": "black", "markersize": 2.8, "markevery": 0.01}  # so far apart that the line below is seen
+            dots = {
+                "color": "black",
+                "markersize": 2.8,
+                "markevery": 0.01,
+            }  # Sparse, so that the line below is visible.
             for k, line in enumerate(exact.sigma):
                 label = f"{labels[1]}, exact boom" if k == 0 else None
                 ax.loglog(exact.omega / (2 * np.pi), line, ".", label=label, **dots)

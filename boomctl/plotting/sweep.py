@@ -11,7 +11,7 @@ from boomctl.plotting.canvas import COLORS, labeled, legend, line_look, panels
 if TYPE_CHECKING:
     from boomctl.studies.sweeps.result import SweepResult
 
-_DRAWN = "seed"  # of what is drawn at random: no parameter to tell apart by color
+_DRAWN = "seed"  # Parameter of random draws, which has no color of its own.
 
 
 def plot_sweep(

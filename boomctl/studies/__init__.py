@@ -1,4 +1,4 @@
-"""What designs are judged by: suspensions on the field, slews beside classical ones; designs by name or from a file."""
+"""Evaluation of designs: suspensions on the field, slews, drives; designs by name or from a file; sweeps."""
 
 from boomctl.lazy import loader
 

@@ -1,4 +1,4 @@
-"""Where designs are found: by name beside the package, or in a file of the user."""
+"""Catalogue of designs, by name or from a file."""
 
 import re
 import runpy
@@ -87,7 +87,7 @@ def load_design(name: "str | Path") -> "SuspensionDesign | MachineDesign | SlewD
     if not isinstance(name, (str, Path)):
         raise TypeError(f"name: expected the name of a design or a file, got {type(name).__name__}")
     path = design_path(str(name))
-    sys.path.insert(0, str(path.resolve().parent))  # a script finds the modules beside it
+    sys.path.insert(0, str(path.resolve().parent))  # A script can import modules from its folder.
     try:
         function = runpy.run_path(str(path), run_name=path.stem).get(_DESIGN)
         if not callable(function):
@@ -106,7 +106,7 @@ def load_design(name: "str | Path") -> "SuspensionDesign | MachineDesign | SlewD
 
 
 def shipped(name: str) -> Path:
-    """Return a folder that comes with boomctl: within an installed package, or beside the package in a source tree."""
+    """Return a folder that is distributed with boomctl: in the installed package, or in the source tree."""
     package = Path(__file__).parents[1]
     installed = package / name
     return installed if installed.is_dir() else package.parent / name

@@ -37,8 +37,8 @@ class MachineDesign(Design):
         ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.  A scheduled controller
         needs a family, one of whose parameters is its signal.
     inputs, outputs : str or sequence of str, optional
-        Signals of the plant between which the loop is judged; by default from all inputs that the controller does not
-        drive to all outputs.
+        Signals of the plant for the evaluation of the loop. If None, all inputs that the controller does not drive, and
+        all outputs.
     sample_time : float, optional
         Sampling time of C code of the controller [s]; without one, there is none.
     control_limit : float, optional
@@ -162,11 +162,11 @@ class MachineResult(Evaluation):
         peaks = [f"{s.peak:.4g}" if isfinite(s.peak) else "infinite" for s in (self.before, self.after)]
         proof = "verified" if self.after.verified else "NOT verified"
         held = "The loop is stable" if self.stable else "The loop is NOT stable"
-        told = f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
+        text = f"{held}; largest singular value from {peaks[0]} to {peaks[1]}, {proof}."
         if self.robust is None:
-            return told
+            return text
         ranges = [f"{name} {low:g} to {high:g}" for name, (low, high) in self.design.plant.ranges.items()]  # type: ignore[union-attr]
-        return f"{told} {'Proved' if self.robust.proved else 'NOT proved'} stable at every {' and '.join(ranges)}."
+        return f"{text} {'Proved' if self.robust.proved else 'NOT proved'} stable at every {' and '.join(ranges)}."
 
     @property
     def words(self) -> dict[str, str]:

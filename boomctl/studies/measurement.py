@@ -68,7 +68,7 @@ def identified_file(
     Raises
     ------
     OSError, ValueError
-        The file cannot be read; names that are not in it; times that are not even; what `identify` refuses.
+        If the file cannot be read, names are unknown, times are not equidistant, or `identify` raises an error.
     """
     columns = _columns(path)
     if columns is None:
@@ -76,7 +76,7 @@ def identified_file(
         if curve.response is None:
             raise ValueError(f"{path}: expected a record over time or a complex frequency response, got magnitudes")
         if inputs or outputs or sample_time is not None:
-            raise ValueError(f"{path}: expected no inputs, outputs or sample time beside a measured frequency response")
+            raise ValueError(f"{path}: expected no inputs, outputs or sample time for a measured frequency response")
         result = identify(curve.response, **options)
         return result, _report(path, result, None)
     time = next((name for name in columns if name.lower() in _TIMES), None)
@@ -89,7 +89,7 @@ def identified_file(
     driven = {name: columns[name] for name in inputs}
     moved = {name: columns[name] for name in outputs or signals if name not in inputs}
     if not moved:
-        raise ValueError(f"{path}: expected outputs beside the inputs, got none")
+        raise ValueError(f"{path}: expected outputs in addition to the inputs, got none")
     result = identify(driven, moved, step, **options)
     said = {
         name: value
@@ -132,6 +132,6 @@ def _step(path: Path, times: Array | None, given: float | None) -> float:
     if step <= 0.0 or np.abs(steps - step).max() > _EVEN * step:
         raise ValueError(
             f"{path}: expected times at even steps, got from {steps.min(initial=np.inf):.6g} to"
-            f" {steps.max(initial=0.0):.6g} s; give the parts beside a gap as files of their own"
+            f" {steps.max(initial=0.0):.6g} s; write the parts on both sides of a gap to separate files"
         )
     return step

@@ -1,4 +1,4 @@
-"""A slew of the hub-beam and its evaluation: beside other slews, with payloads, on other models, with feedback."""
+"""Evaluation of a slew of the hub-beam: other slews, payloads, other models, feedback."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
@@ -46,7 +46,7 @@ class SlewDesign(Design):
         Slews of the beam by name: first the one designed, then others to be compared with it. All have the same angle, or
         spin up to the same speed, under the same torque limit. The evaluation adds classical ones.
     reference_slew : str
-        The slew that the film shows beside the designed one: planned or classical. "": a rigid body's.
+        The slew that the animation compares with the designed one: planned or classical. "": that of a rigid body.
     tip_masses : tuple of float
         Tip masses with which the planned slews are played [kg].
     followed : bool
@@ -107,7 +107,7 @@ class SlewEvaluation(Evaluation):
     design : SlewDesign
         The design that was evaluated.
     comparison : SlewComparison
-        The slew beside the other planned ones and classical ones, with the payloads of the design too.
+        Comparison with other planned and classical slews, also with the payloads of the design.
     """
 
     design: SlewDesign
@@ -149,7 +149,7 @@ class SlewEvaluation(Evaluation):
     def following(self) -> dict[str, float] | None:
         """Errors of the slew followed with more at the tip than was planned for, without feedback (open) and with it.
 
-        The angle errors are those at the last instant [rad], the swings the largest tip displacements in the last slowest
+        Angle errors are those at the end [rad], vibrations the largest tip displacements in the last slowest
         period [m].
         """
         if not self.design.followed:
@@ -220,7 +220,7 @@ class SlewEvaluation(Evaluation):
         yield Section("In motion", pictures=(film("slew", shown, caption),))
         if self.switching is not None:
             text = (
-                "The switching function says how much time a little more torque would save at each instant. In minimum time"
+                "The switching function is the time that additional torque would save at each time. For a minimum-time slew"
                 " the torque has its sign everywhere (Pontryagin's principle), which is necessary, and not sufficient where"
                 " the problem is not convex. It is computed backwards along the nonlinear motion from the multipliers of the"
                 f" end conditions, and has the torque's sign on {100.0 * self.switching.sign_agreement:.4g} % of the "
@@ -243,7 +243,12 @@ class SlewEvaluation(Evaluation):
             "Torques and tip displacements over time; vibration over duration, small marks with other frequencies."
         )
         drawn = _drawn("comparison", comparison.plot, caption, names=names)
-        yield Section("Beside other spin-ups" if free else "Beside other slews", (text,), tuple(tables), (drawn,))
+        yield Section(
+            "Comparison with other spin-ups" if free else "Comparison with other slews",
+            (text,),
+            tuple(tables),
+            (drawn,),
+        )
         text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
         rows = [vars(x) | {"tip_mass": "\u2013" if x.tip_mass is None else f"{x.tip_mass:g}"} for x in self.replays]
         table = table_of(rows, _REPLAYED, "SI units; tip mass: of another payload.")
@@ -256,7 +261,7 @@ class SlewEvaluation(Evaluation):
             )
             lines = {
                 "angle error at the end [rad]": "final_angle_error",
-                "tip swing at the end [m]": "residual_vibration",
+                "tip vibration at the end [m]": "residual_vibration",
             }
             body = tuple((name, number(t[f"open_{key}"]), number(t[key])) for name, key in lines.items())
             table = Table(("", "feedforward alone", "with feedback"), body)

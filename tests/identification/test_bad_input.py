@@ -114,7 +114,7 @@ REFUSED = [
     ),
     (lambda: fit_boom(data=control.frd([1.0, np.nan], [1.0, 2.0])), "expected finite"),
     # records
-    (lambda: bc.identify(record()[0][:, [0, 0]], record()[1], STEP), "inputs that move together cannot be told apart"),
+    (lambda: bc.identify(record()[0][:, [0, 0]], record()[1], STEP), "linearly dependent inputs cannot be separated"),
     (lambda: identify(frequency_range_hz=(1.0, 2.0, 3.0)), "expected two frequencies"),
     (lambda: identify(confidence_level=1.0), "confidence_level = 1.0: expected a number from 0.5 to below 1"),
     (lambda: identify(slice(0, 60)), "at least 48 lines of the spectrum"),

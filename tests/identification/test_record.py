@@ -81,7 +81,7 @@ def test_record_with_lost_samples_raises(lost, seed):
     u, y = filtered(3000, 0.5, seed), np.c_[filtered(3000, 0.1, seed + 10), filtered(3000, 0.1, seed + 20)]
     for signal in (u, y):
         signal[1000:1100] = 0.0 if lost == "zero" else signal[1000]
-    with pytest.raises(ValueError, match="every signal stands still from"):
+    with pytest.raises(ValueError, match="every signal is constant from"):
         read(u, y)
 
 

@@ -282,10 +282,10 @@ BAD = {
     "constant": ({"inputs": np.ones(500)}, "inputs: expected signals that move, got 'in_1' constant at 1"),
     "a gap": (
         {"inputs": np.r_[F[:200], np.zeros(100), F[300:]], "outputs": np.r_[Y[:200], np.zeros(100), Y[300:]]},
-        "expected no gap, but every signal stands still from 4 to 5.98 s",
+        "expected no gap, but every signal is constant from 4 to 5.98 s",
     ),
     "saturated": ({"outputs": np.minimum(Y, 0.8)}, "got 'out_1' saturated: .* samples at 0.8"),
-    "together": ({"inputs": np.column_stack([F, -2.0 * F])}, "inputs that move together cannot be told apart"),
+    "together": ({"inputs": np.column_stack([F, -2.0 * F])}, "linearly dependent inputs cannot be separated"),
     "too short": ({"inputs": F[:20], "outputs": Y[:20]}, "expected at least 32 samples, got 20"),
     "short for the inputs": (
         {"inputs": np.random.default_rng(1).standard_normal((50, 6)), "outputs": Y[:50]},

@@ -42,7 +42,7 @@ class MeasuredFrequencyResponse:
     frequency_hz : (n,) ndarray
         Frequencies, ascending [Hz].
     magnitude : (k, n) ndarray
-        One line for each curve, as they stand in the file, or the singular values of a measured frequency response.
+        Curves as in the file, or the singular values of a measured frequency response.
     labels : tuple of str
         Names of the curves.
     frdata : (p, m, n) ndarray or None
@@ -83,7 +83,7 @@ class MeasuredFrequencyResponse:
         frequency_unit : {"Hz", "rad/s"}, optional
             Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
         **style
-            Of the dots, as matplotlib's lines take it; a ``label`` stands before the names in the file.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the names in the file.
 
         Returns
         -------
@@ -97,7 +97,7 @@ def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:
     r"""Read a measured curve or frequency response.
 
     CSV: the first line names the columns, in a comment or not.  ``freq_hz`` or ``frequency_hz`` [Hz] comes first.
-    Magnitudes: any further names, one column a curve; those of phases, decibels or coherences are refused.  Complex
+    Magnitudes: any further names, one column a curve; phases, decibels and coherences raise an error.  Complex
     frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of which the
     singular values are taken; ``response`` keeps the phase.  Other lines that begin with ``#`` are comments.  Values are
     separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
@@ -189,7 +189,7 @@ def _of_response(
 
 
 def _complex_response(place: str, header: Sequence[str], values: Array) -> Array:
-    """Return the response whose real and imaginary parts stand in columns."""
+    """Return the response from columns of real and imaginary parts."""
     columns = {}
     for name, column in zip(header, values.T, strict=True):
         word = re.fullmatch(r"(re|im)_0*([1-9][0-9]*)_0*([1-9][0-9]*)", name)

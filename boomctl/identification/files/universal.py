@@ -76,7 +76,7 @@ def _data_sets(path: Path) -> tuple[set[int], dict[int, dict[str, Any]]]:
         for k in (k for k in sets if kinds[k] == 58):
             kind, _ = int(sets[k]["func_type"]), (int(sets[k]["num_pts"]), sets[k]["x"], sets[k]["data"])
             if int(sets[k]["abscissa_spec_data_type"]) == _FREQUENCY and kind in _RESPONSES:
-                responses[k] = sets[k]  # coherences, spectra and time histories may stand beside them
+                responses[k] = sets[k]  # Other data sets of the file are ignored.
     except Exception as error:  # of a broken file it may raise anything
         raise ValueError(f"{path}: not a universal file that pyuff can read: {error}") from None
     if 0 in kinds:

@@ -3,7 +3,7 @@
 Nothing here is shared with :mod:`boomctl.structure`.  The boom is mirror-symmetric, so it is solved by halves: both
 actuators move alike (symmetric), or opposite to each other (antisymmetric).  From the free tip, where force and moment
 vanish, deflection and slope are carried inwards, over the spring, to the hinge, whose two conditions settle the two
-unknowns of the tip, carried by the Krylov functions of the beam.  Fifty digits bear what such a shooting loses.
+unknowns of the tip, carried by the Krylov functions of the beam.  Fifty digits compensate the cancellation of this method.
 """
 
 from typing import Any

@@ -53,7 +53,7 @@ def measured(key: str, place: str, *, quick: bool, time_limit: float, progress: 
     time_limit : float
         Of one process [s]; a longer one is ended, and the setting has failed.
     progress : callable
-        Is told in words which setting is next.
+        Called with the name of the next setting.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def main(place: str, index: str, duration: str, stored: str) -> None:
             low, high = _CHANGES
             hot.append(_timed(setting, problem, low + (high - low) * ((len(hot) + 1) * _GOLDEN % 1.0))[1:])
         result = {"answer": answer, "cold": cold, "hot": hot}
-    except Exception as raised:  # whatever a method raises is why the setting has failed
+    except Exception as raised:  # Any exception is the reason of the failure.
         result = {"failed": f"{type(raised).__name__}: {' '.join(str(raised).split())}"[:_WORDS]}
     Path(stored).write_bytes(pickle.dumps(result))
 

@@ -176,7 +176,7 @@ def run(
     quick : bool
         A third of the settings, one process for each.
     progress : callable
-        Is told in words what comes next.
+        Called with the name of the next step.
 
     Returns
     -------

@@ -54,7 +54,7 @@ def settings(
     ----------
     method : str
     label : str
-        With ``{}`` where the values of a setting stand.
+        Label, with ``{}`` for the values of a setting.
     values : iterable
         A value, or a tuple of values, for each setting.
     solve : callable

@@ -1,1 +1,1 @@
-"""The papers' tables and figures, computed again beside what was published."""
+"""Tables and figures of the papers, computed and published values."""

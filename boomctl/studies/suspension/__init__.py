@@ -1,4 +1,4 @@
-"""Horizontal suspensions of the boom, judged: verified peaks, uncertainty, a run over the field, a report."""
+"""Evaluation of horizontal suspensions of the boom: peaks, uncertainty, a simulation on the field, a report."""
 
 from boomctl.lazy import loader
 

@@ -1,4 +1,4 @@
-"""What is proved of a suspension beyond its own synthesis: margins, proofs over springs and masses, the exact boom.
+"""Robustness of a suspension: margins, proofs for uncertain springs and masses, the exact boom.
 
 A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
 between samples is in the field run, and ``boomctl.analysis.sampled_data_norm`` bounds it.
@@ -68,7 +68,7 @@ class Examined(InField):
 
     @property
     def sampled(self) -> bool:
-        """Whether the controller is a discrete one."""
+        """True for a controller in discrete time."""
         return self.K is not None and not self.K.isctime()
 
     def scaled(self, spring: float, mass: float, nozzles: bool = False) -> SecondOrderModel:
@@ -157,7 +157,7 @@ class Examined(InField):
         return control.frd(whole, omega, **names, name="exact boom")
 
     def exact_sigma(self) -> SigmaResult:
-        """Return singular values with the exact boom; also where the mesh peaks, which a grid misses of elastic modes."""
+        """Return singular values with the exact boom, also at the peaks of the mesh."""
         peaks = sigma(self.to_tips(self.model(self.scene.elements)))
         omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
         if self.K is None:

@@ -1,4 +1,4 @@
-"""A suspension and its evaluation: beside the boom as it is, with margins, proofs and a run over the field."""
+"""A suspension and its evaluation: comparison with the passive boom, margins, proofs, a simulation on the field."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -23,8 +23,8 @@ from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScenario
 from boomctl.threads import one_blas_thread
 
 _PASSIVE = ("spring_stiffness", "cradle_damping", "hinge_damping", "boom_mass")  # in the report's table
-_SPAN = 15.0  # of the run that is drawn [s]: some periods of the slowest motion, each of them still to be seen
-_FIELD = 60.0  # length of field that is drawn [m]: its cells of 0.1 m are still to be seen
+_SPAN = 15.0  # Part of the simulation that is drawn [s]: some periods of the slowest motion.
+_FIELD = 60.0  # Length of field that is drawn [m], in cells of 0.1 m.
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +67,7 @@ class SuspensionDesign(Design):
 
     @one_blas_thread
     def evaluate(self, scene: FieldScenario | None = None) -> "SuspensionResult":
-        """Evaluate the design beside the boom of Table 2 of Anthonis & Ramon (2003).
+        """Evaluate the design and the passive boom of Table 2 of Anthonis & Ramon (2003).
 
         Parameters
         ----------
@@ -138,18 +138,18 @@ class SuspensionResult(Evaluation):
 
     @property
     def within_limits(self) -> bool:
-        """Whether the run hit no end stop and no force limit."""
+        """True if no end stop and no force limit was reached."""
         return not self.active.run.stop_contacts and not any(self.active.run.saturation_fraction.values())
 
     @property
     def better(self) -> bool:
-        """Whether verified peak and deposit CV are below those of the passive boom, within the limits."""
+        """True if peak and deposit CV are below those of the passive boom, within the limits."""
         lower = self.active.sigma.verified and self.active.sigma.peak < self.passive.sigma.peak
         return lower and self.active.spray.cv < self.passive.spray.cv and self.within_limits
 
     @property
     def robust(self) -> bool:
-        """Whether the loop is proved stable over the whole uncertainty, and stable on the exact boom or the finer mesh."""
+        """True if the loop is proved robustly stable, and is stable with the exact boom or a finer mesh."""
         return all(item.proved is not False for item in self.findings)
 
     def of(self, kind: type) -> dict[str, Any]:

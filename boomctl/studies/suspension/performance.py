@@ -1,4 +1,4 @@
-"""What one suspension does: singular values with a verified peak, a run over the field, the spray it leaves."""
+"""Performance of a suspension: singular values with a verified peak, a simulation on the field, the spray."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -24,13 +24,13 @@ from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, F
 from boomctl.synthesis.plants.generalized import select_channels
 from boomctl.threads import one_blas_thread
 
-_FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], drawn beside those that resolve the peaks
-PEAK_DIGITS = 4  # of peaks in tables: two of them that tables set beside each other differ by more
+_FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], in addition to those that resolve the peaks.
+PEAK_DIGITS = 4  # Significant digits of peaks in tables.
 
 
 @dataclass(frozen=True)
 class Performance:
-    """What a suspension does.
+    """Performance of a suspension.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What suspensions are compared on: a field with track, tractor, sensors and limits, the boom there, springs and masses."""
+"""Scenario of the evaluation: track, tractor, sensors and limits, the boom, uncertain springs and masses."""
 
 from dataclasses import dataclass, field, fields
 

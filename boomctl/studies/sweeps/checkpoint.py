@@ -31,7 +31,7 @@ _PARTS = ("__func__", "fget", "fset", "fdel", "func")  # functions in static met
 
 
 class Outcome(NamedTuple):
-    """What the function returned at a point, or None and what it raised; run time [s]."""
+    """Result of a function at a point, or None and its error; run time [s]."""
 
     columns: dict[str, Any] | None
     elapsed: float

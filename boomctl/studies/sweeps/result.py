@@ -101,7 +101,7 @@ class SweepResult:
     def __getitem__(self, name: str) -> Array:
         """Return one result at all points, in the shape of the grid; its own dimensions, if it is an array, come last.
 
-        Where the function failed stands NaN (None for what is no number).
+        Entries are NaN (None if not a number) where the function failed.
         """
         known("column", name, self.columns)
         cells = [None if result is None else result.get(name) for result in self.values]

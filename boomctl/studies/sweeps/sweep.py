@@ -51,9 +51,9 @@ def sweep(
     mode : {"grid", "zip"}, default: "grid"
         "grid": all combinations of the values.  "zip": the first values together, the second together, and so on.
     checkpoint : path, optional
-        File to which each point is written as soon as it is computed, a line of JSON.  The same call resumes from it, also
-        with further values; points that failed are tried again.  It answers only for the same function.  What is neither a
-        number nor a string is pickled there: open no file from a source that you do not trust.
+        File to which each point is written as soon as it is computed, as a line of JSON. The same call resumes from it,
+        also with more values; failed points are evaluated again. Another function raises an error. Results other than
+        numbers and strings are pickled: do not open files from untrusted sources.
     n_jobs : int, default: 1
         Number of parallel workers, each with one BLAS thread; negative as for `joblib.Parallel`, -1: all cores.
     backend : str, optional

@@ -41,7 +41,7 @@ def test_met_means_within_the_tolerance(published, computed, tolerance):
 
 
 def test_a_mended_slip_counts_as_corrected_only_if_it_explains_the_number():
-    close, far = (compare("", "", "", 3.72e-2, ours, "why", mended=3.72e-1) for ours in (3.5e-1, 2.5e-1))
+    close, far = (compare("", "", "", 3.72e-2, ours, "why", corrected=3.72e-1) for ours in (3.5e-1, 2.5e-1))
     assert (close.verdict, far.verdict) == (CORRECTED, NOT_REPRODUCIBLE)
     assert (close.tolerance, close.why) == (pytest.approx(3.72e-2), "why; differs by 5.9 %")
     assert compare("", "", "", 1.0, 2.0, slipped=1.05).verdict == CORRECTED
@@ -74,7 +74,7 @@ def test_critical_speeds():
 
 
 def test_neglected_terms_are_what_cfoam_has_beyond_foam():
-    """Eq. (35) mended, by quadrature of the mode shape: ``int rhoA [(q^T S q)^2/4 - f1 q1 q^T S q]``."""
+    """Eq. (35) corrected, by quadrature of the mode shape: ``int rhoA [(q^T S q)^2/4 - f1 q1 q^T S q]``."""
     section = hub_beam_spin_up.neglected_terms()
     shown = section.panels[0].lines[0]
     k = int(np.argmax(shown.y))

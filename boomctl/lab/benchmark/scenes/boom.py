@@ -35,7 +35,7 @@ _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DURATION, _STEP = 60.0, 0.01  # s, of the bumps and between samples
 _FIRST, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
 _EDGES, _HEIGHT = np.array([0.0, 0.5, 1.5, 2.0]), 0.1  # s, m: corners of a bump, and its height
-_SAME = 1e-8  # error of the motion below which nothing is told apart: that of the reference
+_SAME = 1e-8  # Error of the reference, below which errors count as equal.
 _REDUCED = 100  # elements of the boom that is reduced
 _PLAIN = "Other programs are given the same cubic elements by a plain NumPy code, which is timed with them."
 

@@ -28,7 +28,7 @@ Cases = tuple[tuple[int, float], ...]
 
 
 def instants(end: float) -> Array:
-    """Return ten instants a second [s]."""
+    """Return times [s], ten per second."""
     return np.linspace(0.0, end, round(10.0 * end) + 1)
 
 
@@ -64,7 +64,7 @@ def _scene(
         error=relative_error(),
         methods=tuple(s for method, cases in methods.items() for s in _settings(maneuver, timepts, method, cases)),
         remarks=(
-            "SFOAM and FOAM end at the error of the model, whatever the number of modes.",
+            "SFOAM and FOAM end at the error of the model for any number of modes.",
             "Others solve SFOAM's equations; their modal integrals and derivatives are ours, computed in their calls.",
         ),
     )

@@ -17,7 +17,7 @@ from boomctl.lab.benchmark.scene import Scene, settings
 STEP, _SAMPLES, _FITTED = 1.0 / 1024.0, 8523, 6000  # s; of the steel subframe in DaISy, whose twin this is
 BAND = (5.0, 490.0)  # Hz
 _TOP = 502.0  # Hz, of the shaking: what filters of a shaker leave below half the sampling rate
-_MODES, _ABOVE = 16, (600.0, 750.0)  # in the band; Hz, of those above that it feels
+_MODES, _ABOVE = 16, (600.0, 750.0)  # In the band; frequencies of modes above it [Hz].
 _ERRORS, _OUTPUTS = 0.03, 28  # of each output's RMS; accelerometers
 
 
@@ -76,7 +76,7 @@ def identification() -> Scene:
         ),
         remarks=(
             "Ours finds the number of modes, gives intervals, and is validated on the part held back.",
-            f"SLICOT is told an order, takes {_FITTED:,} samples, and is timed for A and C alone.",
+            f"SLICOT uses a given order and {_FITTED:,} samples, and is timed for A and C alone.",
         ),
     )
 

@@ -23,7 +23,7 @@ from boomctl.slew.torque import TorqueProfile, held
 
 _ANGLE, _LIMIT, _MODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
 _DURATION, _GUESS = 3.0, 3.5  # s: of the slew of least effort (the least time is 2.91 s); from which others begin
-_SAME = 1e-11  # error below which nothing is told apart: rounding of the references
+_SAME = 1e-11  # Rounding error of the references, below which errors count as equal.
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 _PHASE = 1.0  # rad: of the highest mode in a step of the replay; order 16 leaves 1e-15 of that
@@ -191,7 +191,7 @@ def _end(beam: AssumedModesBeam, torques: Array, lengths: Array, substeps: int) 
 
 
 def end_error(slew: Slew, history: TorqueProfile) -> float:
-    """Return by how much a held torque misses the end: the largest of angle [rad], hub speed [rad/s] and tip [m].
+    """Return the error at the end of a held torque: the largest of angle [rad], hub speed [rad/s] and tip [m].
 
     Raises
     ------
@@ -229,7 +229,7 @@ def least_time(slew: Slew, intervals: int) -> float:
     shares, h = result.start_values / slew.torque_limit, result.duration / intervals
     signs = np.sign(shares)
     turns = np.flatnonzero(signs[1:] != signs[:-1])
-    # the momentum up to a turn tells where within the two intervals at it the torque changes its sign
+    # The momentum gives the switching time within the two intervals.
     parts = shares[turns] - signs[turns] + shares[turns + 1] + signs[turns]
     switches = h * (turns + 1.0 + 0.5 * signs[turns] * parts)
     lengths = np.diff(np.concatenate([[0.0], switches, [result.duration]]))
@@ -238,5 +238,5 @@ def least_time(slew: Slew, intervals: int) -> float:
     torques = slew.torque_limit * signs[0] * (-1.0) ** np.arange(lengths.size)
     exact = root(lambda d: _end(slew.beam, torques, d, _ARCS) - slew.target, lengths, tol=_CLOSED)
     if np.abs(exact.fun).max() > 1e2 * _CLOSED or exact.x.min() <= 0.0:
-        raise RuntimeError(f"the end is missed by {np.abs(exact.fun).max():.1e}")
+        raise RuntimeError(f"the error at the end is {np.abs(exact.fun).max():.1e}")
     return float(exact.x.sum())

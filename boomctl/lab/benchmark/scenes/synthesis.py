@@ -30,7 +30,7 @@ _NMEAS = _NCON = 2  # strokes measured, and forces
 _SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip", "stroke")
 _SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}  # m, N, m, m: what counts as one
 _REFERENCE, _FAST = 1e-9, 1e9  # tolerance of the design whose proved bound is the reference; rad/s, its fastest pole
-_SAME = 1e-7  # error below which nothing is told apart
+_SAME = 1e-7  # Error below which errors count as equal.
 _START = 1000.0  # level from which slycot's bisection starts: a guess that is high enough
 _BEST = 1.2092993  # least level of this plant, as someone who knows it would tell slycot
 _PLANTS = Path(__file__).parents[1] / "plants.toml"
@@ -91,7 +91,7 @@ def h_infinity_scene() -> Scene:
         return sb10ad(_faster(P, change), _NMEAS, _NCON, job, level, gtol)
 
     cases = [*((tolerance, None) for tolerance in (0.1, 1e-2, 1e-3, 1e-4)), (1e-5, _FAST), (1e-7, _FAST)]
-    told = [(4, _BEST * (1.0 + above), above) for above in (0.1, 1e-2, 1e-3, 1e-4)]
+    levels = [(4, _BEST * (1.0 + above), above) for above in (0.1, 1e-2, 1e-3, 1e-4)]
     searched = [(1, _START, gtol) for gtol in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)]
     return Scene(
         title="H-infinity synthesis, order 20",
@@ -104,10 +104,10 @@ def h_infinity_scene() -> Scene:
             *settings("h_infinity", "rtol {:g}", cases, ours, verified=True, ours=True),
             *settings("control.hinfsyn", "defaults", [()], hinfsyn, modules=("slycot",)),
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
-            *settings("slycot sb10ad, told the level", "{2:.2%} above the best", told, slycot, modules=("slycot",)),
+            *settings("slycot sb10ad, given the level", "{2:.2%} above the best", levels, slycot, modules=("slycot",)),
         ),
         remarks=(
-            "Ours verifies the loop and proves how far from the best it is; slycot told the level only computes.",
+            "Ours verifies the loop and proves how far from the best it is; slycot, given the level, computes only.",
             f"slycot's bisection starts at {_START:g}. Tolerances of ours below 1e-4 are with fastest_pole={_FAST:g}.",
         ),
     )

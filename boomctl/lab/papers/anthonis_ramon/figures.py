@@ -37,8 +37,8 @@ _GEOMETRICAL = (
     " between the springs, what the boom has beyond its tube at the hinge. This meets the first three values within 0.5 %"
     " and the fifth within 1 %. The fourth, 2.9316 Hz, is not reproducible: no division of 20 elements, neither with point"
     " masses nor with the mass of linear interpolation, comes near it while the others stay; it lies above the exact"
-    " 2.7833 Hz, where point masses put every other value below the exact one. The table of readings below shows what was"
-    " tried."
+    " 2.7833 Hz, where point masses put every other value below the exact one. The table below lists the interpretations"
+    " that were tested."
 )
 _FIGURE_3 = (
     "Singular values from the two platform actuators to the two tips. Two verified peaks are marked: no singular value"
@@ -55,7 +55,7 @@ _CONVERGENCE = (
 _MODES = 5  # eigenfrequencies that the paper lists
 _FINITE = (4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28, 32, 40, 48, 64, 80, 100, 128, 160, 200, 256, 320, 400)
 _ATTACHED = (4, 6, 8, 10, 12, 16, 20, 24, 32, 40, 48, 64, 80, 100, 128, 160, 200, 256, 320, 400)
-"""Numbers of elements over which errors are shown: any, and even ones, as a node at the hinge and at springs asks for."""
+"""Numbers of elements of the error plots: any, and even ones, which have nodes at hinge and springs."""
 _ORDERS = tuple(range(3, 15))  # polynomial orders over which errors are shown: until rounding ends their fall
 _SHAPE_ELEMENTS = 48  # of the boom whose shapes are drawn: smooth to the eye
 

@@ -1,14 +1,14 @@
-"""What Coulomb friction in the cradle does to the boom's singular values between 2.5 and 3.5 Hz.
+"""Effect of Coulomb friction in the cradle on the singular values of the boom between 2.5 and 3.5 Hz.
 
 Anthonis & Ramon (2003) measured a lower singular value below the computed one there, saw the cradle stick and slip, and
 put the one down to the other.  Friction acts on symmetric motion (jolt) alone, and there it is simulated in time, by a
-stepped sine with true stick-slip, beside the describing function and the limit of a cradle that never slips.
+stepped sine with true stick-slip, compared with the describing function and with a cradle that never slips.
 
 Readings of the friction are compared that act in opposite directions.  *Added* to the viscous damping of
 Table 2, friction ties the cradle to the platform and raises the response.  Taken *in place of* that damping, which a
 linear fit would have made of it at the cradle's mode, it lowers the response above: the equivalent viscous damping
 ``4 F/(pi omega A)`` of Coulomb friction falls with the slip velocity, while that of the linear model stays.  Either way
-the lower singular value feels the cradle only where it belongs to jolt, from 1.7 to 3.5 Hz; above, it belongs to yaw.
+the lower singular value depends on the cradle only where it belongs to jolt, from 1.7 to 3.5 Hz; above, it belongs to yaw.
 """
 
 from dataclasses import dataclass, replace

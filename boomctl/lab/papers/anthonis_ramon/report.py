@@ -1,4 +1,4 @@
-"""Anthonis & Ramon (2003), reproduced: tables and pictures beside what was published."""
+"""Report of Anthonis & Ramon (2003): computed and published tables and figures."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -13,8 +13,8 @@ from boomctl.report import Report
 
 _LEAD = (
     "Eigenfrequencies and singular values of the horizontal motion of a 12 m spray boom, from the parameters of Anthonis"
-    " & Ramon (2003), J. Sound Vib. 266, 535-552, Table 2. Each number stands beside the published one and beside that"
-    " of an exact Euler-Bernoulli beam. Nothing was fitted but in the section that says so."
+    " & Ramon (2003), J. Sound Vib. 266, 535-552, Table 2. Each number is compared with the published one and with that"
+    " of an exact Euler-Bernoulli beam. Parameters were fitted only in the section on updating."
 )
 _ORDER = ("table and figures", "friction in the cradle", "fitted parameters")
 

@@ -4,7 +4,7 @@ Anthonis & Ramon (2003) measured 0.34, 0.59, 0.88, 2.8 and 4.2 Hz; Table 2, with
 and the others within 7 %.  Parameters are fitted to the measured row, with 20 finite elements and errors of one
 relative size.
 The first frequency is the boom's turning on its springs, which goes as ``L_k sqrt(k_s)``; the second and third are its
-pushing against them, which goes as ``sqrt(k_s)`` alone: so a stiffer spring and a longer lever are told apart.
+pushing against them, which goes as ``sqrt(k_s)`` alone: so a stiffer spring and a longer lever are distinguishable.
 """
 
 from dataclasses import dataclass, replace
@@ -41,12 +41,12 @@ _ABOUT = (
 
 @dataclass(frozen=True)
 class BoomUpdating:
-    """What the measured row says.
+    """Parameters from the measured frequencies.
 
     Attributes
     ----------
     parameters : BoomParameters
-        Those begun from.
+        Initial parameters.
     readings : tuple of FitResult
         One for each of :data:`READINGS`, to all five frequencies.
     without_first : FitResult
@@ -74,7 +74,7 @@ class BoomUpdating:
 
     @property
     def stiffness_of_turning(self) -> float:
-        """What that is as a spring between platform and boom in the hinge, beside those of Table 2 [N m/rad]."""
+        """Equivalent rotational spring between platform and boom, in addition to those of Table 2 [N m/rad]."""
         p = self.parameters
         return 0.5 * p.spring_stiffness * (self.lever.values["spring_distance"] ** 2 - p.spring_distance**2)
 

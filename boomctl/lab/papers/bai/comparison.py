@@ -1,4 +1,4 @@
-"""What a part of the paper consists of: numbers beside ours and the rule by which they count as met, statements, charts."""
+"""Comparisons with the paper: numbers with tolerances, statements, charts."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ APPROXIMATE = 0.1
 
 @dataclass(frozen=True)
 class Comparison:
-    """A published number beside the computed one.
+    """A published and a computed number.
 
     Attributes
     ----------
@@ -33,8 +33,8 @@ class Comparison:
     computed : float
         From correct equations, converged.
     reading : float or None
-        What the paper should show if a slip named in `why` is mended: either the published number without its slip, or
-        ours with the slip made on purpose; None if no slip is known.
+        The published number with the misprint in `why` corrected, or the computed number with the misprint; None if no
+        misprint is known.
     tolerance : float
         Largest difference that counts as met, in the unit.
     verdict : str
@@ -121,7 +121,7 @@ class Panel:
     levels : tuple of (float, str)
         Horizontal lines and what they mean.
     legend : str
-        Where the legend stands; "" for none.
+        Position of the legend; "" for none.
     xticks : tuple of float
         Marks on a logarithmic abscissa, written out; () for matplotlib's.
     """
@@ -145,7 +145,7 @@ class Part:
     ----------
     title : str
     name, caption : str
-        Of the figure: file name without ending, and what stands below.
+        File name without suffix, and caption.
     panels : tuple of Panel
         Of the figure; none without one.
     comparisons : tuple of Comparison
@@ -177,10 +177,10 @@ def compare(
     why: str = "",
     *,
     tolerance: float | None = None,
-    mended: float | None = None,
+    corrected: float | None = None,
     slipped: float | None = None,
 ) -> Comparison:
-    """Judge a number.
+    """Compare a number.
 
     Parameters
     ----------
@@ -191,32 +191,32 @@ def compare(
     why : str
         One line; the deviation if empty.
     tolerance : float, optional
-        Largest difference that counts as met; by default a tenth of the published number, without its slip.
-    mended : float, optional
-        The published number without a slip of the print.
+        Largest difference. If None, a tenth of the published number with its misprint corrected.
+    corrected : float, optional
+        The published number with its misprint corrected.
     slipped : float, optional
         Our number with the paper's slip made on purpose.
 
     Returns
     -------
     Comparison
-        Met if ours agrees with the print; met with corrected reading if `mended` agrees with ours or `slipped` with the
-        print; not reproducible otherwise.
+        Met if both numbers agree; met with corrected reading if `corrected` agrees with the computed number or `slipped` with
+        the published one; not reproducible otherwise.
     """
-    against, verdict = published if mended is None else mended, NOT_REPRODUCIBLE
+    against, verdict = published if corrected is None else corrected, NOT_REPRODUCIBLE
     tolerance = APPROXIMATE * against if tolerance is None else tolerance
     if abs(computed - published) <= tolerance:
         verdict = MET
-    elif (mended is not None and abs(computed - mended) <= tolerance) or (
+    elif (corrected is not None and abs(computed - corrected) <= tolerance) or (
         slipped is not None and abs(slipped - published) <= tolerance
     ):
         verdict = CORRECTED
     deviation = f"differs by {100.0 * abs(computed / against - 1.0):.2g} %" if against else ""
-    reading = mended if slipped is None else slipped
+    reading = corrected if slipped is None else slipped
     reasons = "; ".join(w for w in (why, deviation) if w)
     return Comparison(where, what, unit, published, computed, reading, tolerance, verdict, reasons)
 
 
 def judge(where: str, published: str, computed: str, holds: bool, why: str, *, corrected: bool = False) -> Claim:
-    """Judge a statement: met (with a corrected reading) if it `holds`, else not reproducible."""
+    """Compare a statement: met (with a corrected reading) if it `holds`, else not reproducible."""
     return Claim(where, published, computed, (CORRECTED if corrected else MET) if holds else NOT_REPRODUCIBLE, why)

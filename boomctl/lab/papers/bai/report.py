@@ -1,4 +1,4 @@
-"""Bai et al. (2009), reproduced: every table and figure beside what correct equations give."""
+"""Report of Bai et al. (2009): published tables and figures, and those of corrected equations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, astuple
@@ -34,11 +34,11 @@ _MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # th
 _CURVE_POINTS = 301  # of a curve in results.json: enough to draw it again, and a file of one megabyte
 _SHADES = {MET: "#d8efe2", CORRECTED: "#fff2cc", NOT_REPRODUCIBLE: "#f8d7da"}
 _RULE = (
-    "A number is met if ours differs by no more than the tolerance beside it: one unit of the last printed digit in Table "
-    "2, half a unit for the critical speeds, 10 % for what was read off computed curves. It is met with corrected reading "
-    "if it is so once a slip named beside it is mended, and not reproducible otherwise. Frequencies are converged; motions "
-    "have the paper's five modes. The paper's curves are not available as data; its statements about them stand in their "
-    "place."
+    "A number is met if the difference is within the tolerance: one unit of the last printed digit in Table 2, half a unit "
+    "for the critical speeds, 10 % for values that were read off curves. It is met with corrected reading if this "
+    "holds after the correction of the named misprint, and not reproducible otherwise. Frequencies are converged; "
+    "motions have the five modes of the paper. The curves of the paper are not available as data; its statements about "
+    "them are compared instead."
 )
 
 
@@ -60,7 +60,7 @@ def report(found: Mapping[str, Any], torques: tuple[float, ...] = TORQUES) -> Re
     counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())
     lead = (
         "Bai, Ben-Tzvi, Zhou and Huang, A study on dynamic stiffening of a rotating beam with a tip mass, Sensors & "
-        "Transducers 5 (2009) 53-68: every number and curve beside what correct equations give. Numbers and statements: "
+        "Transducers 5 (2009) 53-68: published numbers and curves, and those of corrected equations. Numbers and statements: "
         f"{counts}."
     )
     return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, found["a slew"]), values)

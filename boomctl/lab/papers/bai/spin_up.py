@@ -1,4 +1,4 @@
-"""Figs. 3 to 6 and 10 of Bai et al. (2009): prescribed spin-up, Eq. (43) with its print mended, and a tip mass."""
+"""Figs. 3 to 6 and 10 of Bai et al. (2009): prescribed spin-up, Eq. (43) with its misprint corrected, and a tip mass."""
 
 from functools import cache
 
@@ -34,7 +34,7 @@ def _run(label: str, speed: float, modes: int, mass: float) -> SimulationResult:
 
 
 def neglected_terms() -> Part:
-    """Fig. 3: what FOAM neglects of CFOAM, Eqs. (35) to (39) mended, with one mode at 3 rad/s."""
+    """Fig. 3: terms of CFOAM that FOAM neglects, Eqs. (35) to (39) corrected, with one mode at 3 rad/s."""
     full, first = (AssumedModesBeam(HubBeamParameters(), name, 1).equations for name in ("cfoam", "foam"))
     result = _run("CFOAM", 3.0, 1, 0.0)
     y, rate = np.split(result.states, 2, axis=1)
@@ -65,7 +65,7 @@ def neglected_terms() -> Part:
         "the neglected terms are small and tend to zero after 30 s",
         f"at most {max(shares):.2g} of their peaks after 30 s; |ΔM_θθ| <= {1e-6 * peak(curves[0][2]):.1e} kg m²",
         max(shares) < 0.05,
-        "Eqs. (35), (36), (38), (39) as mended: the print has wrong signs and factors, and misses terms",
+        "Eqs. (35), (36), (38), (39) corrected: the print has wrong signs and factors, and lacks terms",
         corrected=True,
     )
     return Part("Fig. 3: neglected terms", "fig-03", caption, panels, claims=(claim,))

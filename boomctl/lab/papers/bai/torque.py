@@ -25,7 +25,7 @@ from boomctl.rotating_beam.result import SimulationResult
 
 PERIOD = 10.0  # of the sine torque [s], which acts for one period, Eq. (44)
 TIME = np.linspace(0.0, 30.0, 3001)  # [s]; the paper's figures end at 30 s
-MENDED = {200.0: 3.72e-1}
+CORRECTED = {200.0: 3.72e-1}
 """What Table 3 should show at a torque [N m], where its print slips [N m]."""
 
 _FIG_8 = {"FOAM": 5, "SFOAM": 5, "SFOAM, 1 mode": 1, "exact": 5}  # modes of each model
@@ -42,14 +42,14 @@ def inertia_torque() -> Part:
     largest = {amplitude: peak(_run("FOAM", amplitude, 5, 0.0).inertia_torque) for amplitude in INERTIA_TORQUES}
     rows = []
     for amplitude, printed in INERTIA_TORQUES.items():
-        what, mended = f"largest Q_theta at {amplitude:g} N m", MENDED.get(amplitude)
-        rows.append(compare("Table 3", what, "N m", printed, largest[amplitude], _why(amplitude), mended=mended))
+        what, corrected = f"largest Q_theta at {amplitude:g} N m", CORRECTED.get(amplitude)
+        rows.append(compare("Table 3", what, "N m", printed, largest[amplitude], _why(amplitude), corrected=corrected))
     what, share = "largest Q_theta over torque, 400 N m", 100.0 * largest[400.0] / 400.0
     why = "2.62/400 is 0.65 %, a slip of the point; what remains is the 2.62 of Table 3"
-    rows.append(compare("section 4.3", what, "%", 6.5, share, why, mended=0.65))
+    rows.append(compare("section 4.3", what, "%", 6.5, share, why, corrected=0.65))
     claim = judge(
         "section 4.3",
-        "Q_theta is small beside the torque, hence left out of SFOAM",
+        "Q_theta is small compared with the torque, hence omitted in SFOAM",
         f"{100 * largest[50.0] / 50.0:.2g} % of the torque at 50 N m, {share:.2g} % at 400 N m",
         largest[400.0] < 0.01 * 400.0,
         "it grows about as the cube of the torque",
@@ -60,7 +60,7 @@ def inertia_torque() -> Part:
 
 
 def _fig_7(largest: Array) -> tuple[Panel, Panel]:
-    torques, published = np.array([*INERTIA_TORQUES]), np.array([*(INERTIA_TORQUES | MENDED).values()])
+    torques, published = np.array([*INERTIA_TORQUES]), np.array([*(INERTIA_TORQUES | CORRECTED).values()])
     over_time = {label: _run(label, 400.0, 5, 0.0).inertia_torque for label in ("FOAM", "exact")}
     over_torque = (
         *lines(torques, {"FOAM": largest}, "o"),
@@ -108,12 +108,12 @@ class Residual:
 
 
 def residual_vibration(time: Array, tip: Array, after: float, guess: float) -> Residual:
-    """Fit one vibration, its frequency included, to a tip displacement after an instant.
+    """Fit one vibration, its frequency included, to a tip displacement after a given time.
 
     Parameters
     ----------
     time, tip : ndarray, k
-        Instants [s] and displacement [m].
+        Times [s] and displacement [m].
     after : float
         End of the torque, s.
     guess : float

@@ -1,4 +1,4 @@
-"""How far each model may be trusted: all five against the geometrically exact beam, over the torque."""
+"""Range of validity of each model: comparison with the geometrically exact beam, over the torque."""
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from boomctl.rotating_beam.parameters import HubBeamParameters
 
 # amplitudes [N m] from where all models agree to twice what the hub is driven with, in steps of some 2 times
 TORQUES = (5.0, 11.0, 24.0, 50.0, 100.0, 200.0, 400.0, 800.0)
-THRESHOLDS = (0.01, 0.05, 0.2)  # errors of the tip over its peak that a drawing, a design or a guess would bear
+THRESHOLDS = (0.01, 0.05, 0.2)  # Errors of the tip displacement, relative to its peak.
 TIME = np.linspace(0.0, 30.0, 1501)  # [s]: 10 s of torque and 20 s of what it leaves
 MODES = 8  # with which the exact beam has converged, so that differences are those of the models
 _TICKS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0)
