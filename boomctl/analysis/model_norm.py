@@ -7,7 +7,7 @@ of its undamped modes, where it has them, or of its own coordinates; the respons
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -78,19 +78,23 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
     >>> round(norm.lower_bound, 2), round(norm.peak_omega, 3), bool(norm.certified)
     (10.01, 0.997, True)
     """
-    if is_frequency_response(system):
-        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
         system = system.between()
         # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
-        small = system.structure.mirror is not None and system.ncoordinates <= _WHOLE
-        if small and (system._modal_form.eigensystem[0].real < 0.0).all():
+        if system.ncoordinates <= _WHOLE and (system._modal_form.eigensystem[0].real < 0.0).all():
             result = SplitModel(system, (system,)).norm()
-            if result.status == "certified":
-                return result
+            return result if result.status == "certified" else norm_of(system)
+        return norm_of(system)
+    return norm_of(system if is_frequency_response(system) else of(system, sampled=True))
+
+
+def norm_of(system: Any) -> NormBounds:
+    """Return the H-infinity norm of a structure, an ``Lti`` or data, all signals of which are meant."""
+    if is_frequency_response(system):
+        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
+    if isinstance(system, SecondOrderModel):
         return SplitModel.of(system).norm()
-    handed = of(system, sampled=True)
-    return replace(matrices_norm(handed.balanced()), _given=handed)
+    return replace(matrices_norm(system.balanced()), _given=system)
 
 
 @dataclass(frozen=True)
@@ -117,13 +121,18 @@ class SplitModel:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         return respond(self.model.structure, self.model.ports, omega)
 
+    @property
+    def poles(self) -> Array:
+        """The poles of all parts [rad/s]."""
+        return np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
+
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
         shown = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
         if shown is None:
             return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
         low, top = shown[0], ABOVE * shown[1] if high is None else high
-        poles: Array = np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
+        poles = self.poles
         return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], BELOW * low, top)
 
     @one_blas_thread
@@ -135,17 +144,14 @@ class SplitModel:
         ValueError
             A response that is not proper (an output that needs a derivative of an input).
         """
-        stages = () if self.parts == (self.model,) else ("halves",)
         if not self.parts:
-            return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, stages, verified=True, _proved=True, _given=self.model)
-        bounded = [Bounded() if _is_wide(part) else bounds(part._modal_form) for part in self.parts]
+            return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, ("halves",), verified=True, _proved=True, _given=self.model)
+        bounded = [(Bounded() if _is_wide(part) else bounds(part._modal_form), part) for part in self.parts]
         norms: list[NormBounds] = []
         # Of a part whose bound is below the norm of another one nothing else is asked.
-        for i in sorted(range(len(self.parts)), key=lambda i: -bounded[i].norm):
-            part = self.parts[i]
-            stages += (_coordinates_of(part),)
-            if not norms or bounded[i].norm > norms[0].lower_bound:
-                norms.append(_part_norm(part, bounded[i]))
+        for most, part in sorted(bounded, key=lambda item: -item[0].norm):
+            if not norms or most.norm > norms[0].lower_bound:
+                norms.append(_part_norm(part, most))
         largest = max(norms, key=lambda norm: norm.lower_bound)
         widest = max(norms, key=lambda norm: norm.upper_bound)
         verified = agree(largest.lower_bound, widest.upper_bound) and largest.verified
@@ -153,7 +159,7 @@ class SplitModel:
             largest,
             upper_bound=widest.upper_bound,
             method=largest.method if verified else widest.method,  # Why it is not verified.
-            stages=stages,
+            stages=(*(() if self.parts == (self.model,) else ("halves",)), *map(_coordinates_of, self.parts)),
             verified=verified,
             _proved=all(norm._proved for norm in norms),
             _given=self.model,
@@ -210,11 +216,11 @@ def _coordinates_of(part: SecondOrderModel) -> str:
     return "undamped modes"
 
 
-def _response(small: SecondOrderModel, omega: Array) -> Array:
-    seen = np.maximum(omega, beside(np.zeros(1))) if any(small.ports.integrators) else omega
+def _response(part: SecondOrderModel, omega: Array) -> Array:
+    seen = np.maximum(omega, beside(np.zeros(1))) if any(part.ports.integrators) else omega
     try:
-        return direct_response(small.structure, small.ports, seen)
+        return direct_response(part.structure, part.ports, seen)
     except ValueError:  # one of the frequencies is that of an undamped mode, which may not show
-        if len(seen) > 1:
-            return np.concatenate([_response(small, seen[k : k + 1]) for k in range(len(seen))], axis=2)
-    return direct_response(small.structure, small.ports, beside(seen))
+        if len(seen) == 1:
+            return direct_response(part.structure, part.ports, beside(seen))
+    return np.concatenate([_response(part, seen[k : k + 1]) for k in range(len(seen))], axis=2)
