@@ -5,7 +5,7 @@ of its undamped modes, where it has them, or of its own coordinates; the respons
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,6 @@ from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
     BELOW,
-    EMPTY,
     MODES,
     SEARCHED,
     Resonances,
@@ -121,19 +120,25 @@ class SplitModel:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         return respond(self.model.structure, self.model.ports, omega)
 
-    @property
+    @cached_property
     def poles(self) -> Array:
         """The poles of all parts [rad/s]."""
         return np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
-        shown = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
-        if shown is None:
+        parts = self.parts if len(self.parts) == 2 else (self.model,)
+        try:
+            found = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
+        except ValueError:  # no real modes
+            found = [np.zeros(0)]
+        frequencies = np.sort(np.concatenate(found))
+        shown = frequencies[frequencies > 0.0][:MODES]
+        shown = shown[shown <= _WIDE * shown[:1]]
+        if not len(shown):
             return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
-        low, top = shown[0], ABOVE * shown[1] if high is None else high
-        poles = self.poles
-        return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], BELOW * low, top)
+        low, top = float(shown[0]), ABOVE * float(shown[-1]) if high is None else high
+        return Resonances(self.poles[(self.poles.imag >= 0.0) & (np.abs(self.poles) <= top)], BELOW * low, top)
 
     @one_blas_thread
     def norm(self) -> NormBounds:
@@ -166,25 +171,12 @@ class SplitModel:
         )
 
 
-def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
-    """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
-    try:
-        result = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
-    except ValueError:
-        return None
-    frequencies = np.sort(np.concatenate(result))
-    shown = frequencies[frequencies > 0.0][:MODES]
-    shown = shown[shown <= _WIDE * shown[:1]]
-    return (float(shown[0]), float(shown[-1])) if len(shown) else None
-
-
 def _part_norm(part: SecondOrderModel, bounded: Bounded) -> NormBounds:
     """Return the norm of a part; not verified where no state space holds its fastest motions beside the slowest ones."""
     if not _is_wide(part):
         return matrices_norm(part._modal_form, partial(_response, part), bounded)
-    band = _modal_band(part)
-    low, last = band if band is not None else EMPTY
-    grid = resonance_grid(_poles(part), BELOW * low, ABOVE * last, points=SEARCHED)
+    found = SplitModel(part, (part,)).resonances()
+    grid = resonance_grid(found.poles, found.low, found.high, points=SEARCHED)
     peak, at = highest_peak(lambda omega: singular_values(_response(part, omega))[0], grid)
     return NormBounds(peak, inf, at, LOST)
 
