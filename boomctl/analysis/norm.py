@@ -372,14 +372,14 @@ def at_boundary(given: System, bounded: Bounded) -> tuple[NormBounds | None, boo
     poles are clear of what rounding may move.  A pole that is not found on the boundary, and that rounding of the entries
     may move across, is reported and leaves no upper bound.
     """
-    from boomctl.exact_roots import OPERATIONS, UndecidedError
-    from boomctl.lti.proof import Exact
-
     system = given.system
     if bounded.unstable:
         return NormBounds(inf, inf, nan, UNSTABLE, verified=True, _proved=True, _given=given), False
     if bounded.doubt < inf or not _movable(system, _NEAR).any():
         return None, False
+    from boomctl.exact_roots import OPERATIONS, UndecidedError
+    from boomctl.lti.proof import Exact
+
     is_small, side = len(system.A) <= EXACT_STATES, sides(system.poles, system.dt)
     try:
         growing, on_axis, shown = Exact.of(given, OPERATIONS).sides if is_small else _sides_in_floats(system, side)
