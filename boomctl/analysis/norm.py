@@ -53,10 +53,7 @@ _NEAR = 100.0
 # level leave bounds that agree to CERTIFIED.
 _DOUBT = 0.28 * CERTIFIED
 _TWICE = 2.0  # Times what rounding may change of a response: once of the system's own, once of the sum over its modes.
-_BESIDE = [
-    0.7,
-    1.0,
-]  # times its frequency, where the response beside a mode that may be undamped is looked at (a choice)
+_BESIDE = [0.7, 1.0]  # times its frequency, where the response of a mode that may be undamped is looked at (a choice)
 _BAND_START = 1e-6  # Where the grid of a band from zero begins, relative to its end.
 _TINY = 1e-150  # Norms below which squares of responses are not numbers of full precision.
 
@@ -388,11 +385,8 @@ def at_boundary(given: System, bounded: Bounded) -> tuple[NormBounds | None, boo
     if growing and (side > 0).any():
         return NormBounds(inf, inf, nan, UNSTABLE, verified=True, _proved=is_small, _given=given), False
     if shown and not growing:
-        at, method = (
-            float(np.abs(rates_of(np.array(shown), system.dt).imag).min()),
-            ON_CIRCLE if system.dt else UNDAMPED,
-        )
-        return NormBounds(inf, inf, at, method, verified=True, _proved=is_small, _given=given), False
+        at, method = np.abs(rates_of(np.array(shown), system.dt).imag).min(), ON_CIRCLE if system.dt else UNDAMPED
+        return NormBounds(inf, inf, float(at), method, verified=True, _proved=is_small, _given=given), False
     hidden = np.zeros(len(system.A), bool)
     for pole in on_axis:
         hidden[np.where(hidden, inf, np.abs(system.poles - pole)).argmin()] = True
@@ -401,9 +395,7 @@ def at_boundary(given: System, bounded: Bounded) -> tuple[NormBounds | None, boo
     worst = float(np.abs(system.rates[system.rates.real.argmax()]))
     seen = np.outer(_BESIDE, np.abs(system.rates[np.isfinite(system.rates)])).ravel()
     values = singular_values(system.response(seen, quiet=True))[0]
-    peak, at = max(
-        (float(value) - rounding_of(given, np.array([w])), float(w)) for w, value in zip(seen, values, strict=True)
-    )
+    peak, at = max((float(x) - rounding_of(given, np.array([w])), float(w)) for x, w in zip(values, seen, strict=True))
     said = f"a mode at {worst:.6g} rad/s that the digits given do not tell from one on the "
     said += f"{'unit circle' if system.dt else 'imaginary axis'}, where the norm would be infinite"
     return NormBounds(max(peak, 0.0), inf, at, said, _given=given), False
@@ -487,12 +479,9 @@ def hamiltonian_matrix(system: Lti, level: float) -> Array:
     if 0.0 < min(sizes) < _TINY or max(sizes) * _TINY > 1.0:
         up = 2.0 ** round(0.5 * (log2(sizes[1]) - log2(sizes[0])))
         B, C = up * B, C / up
-    if D.any():
-        fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
-        A, C_, B_ = A + B @ fed[:, :n], C + D @ fed[:, :n], fed[:, n:]
-    else:
-        C_, B_ = C, B.T
-    return balance(blocks([[A, B @ B_], [-C.T @ C_, -A.T]]))[0]
+    fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
+    A, C_ = A + B @ fed[:, :n], C + D @ fed[:, :n]
+    return balance(blocks([[A, B @ fed[:, n:]], [-C.T @ C_, -A.T]]))[0]
 
 
 def near_axis(H: Array) -> tuple[Array, Array]:
@@ -503,12 +492,8 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     image of another: eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
     scaled, power = scaled_to_one(H)
-    re, im, _, _, failed = lapack.dgeev(
-        scaled, compute_vl=0, compute_vr=0, lwork=int(lapack.dgeev_lwork(len(H), 0, 0)[0])
-    )
-    if failed:
-        raise np.linalg.LinAlgError("eigenvalues of a Hamiltonian matrix were not found")
-    values = np.ldexp(re, power)[im >= 0.0] + 1j * np.ldexp(im, power)[im >= 0.0]
+    values = 2.0**power * np.linalg.eigvals(scaled).astype(complex)
+    values = values[values.imag >= 0.0]
     size, off = np.abs(values), np.abs(values.real)
     noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * size
     close = off <= noise

@@ -80,38 +80,35 @@ class SelectedSystem:
             result = cls(system[list(outs), list(ins)], np.asarray(system.omega, dtype=float))
             _ = result.norm  # raises for data that are not finite
             return result
-        chosen = between_signals(system, inputs, outputs)
-        if grid is None:
-            return cls(chosen)
-        result, high = cls(chosen, grid, unit), float(grid.max())
-        if high > result.nyquist * (1.0 + ALIKE):
-            said = f"{up_to(result.nyquist / scale)} {unit}, got {exactly(high / scale)} {unit}"
+        result = cls(between_signals(system, inputs, outputs), grid, unit)
+        top, high = result.nyquist, 0.0 if grid is None else float(grid.max())
+        if high > top * (1.0 + ALIKE):
+            said = f"{up_to(top / scale)} {unit}, got {exactly(high / scale)} {unit}"
             raise ValueError(f"{name}: expected at most half the sampling rate, {said}")
-        return replace(result, omega=np.minimum(grid, result.nyquist))
-
-    @property
-    def split(self) -> SplitModel:
-        """The structure with its halves."""
-        return SplitModel.of(self.chosen)
+        return result if grid is None else replace(result, omega=np.minimum(grid, top))
 
     @property
     def labels(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Names of inputs and outputs."""
         return tuple(self.chosen.input_labels), tuple(self.chosen.output_labels)
 
+    @property
+    def _split(self) -> SplitModel | None:
+        """A structure with its halves."""
+        return SplitModel.of(self.chosen) if isinstance(self.chosen, SecondOrderModel) else None
+
     def response(self, omega: Array, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); ``quiet`` as in :meth:`Lti.response`."""
+        if split := self._split:
+            return split.response(omega)
         if isinstance(self.chosen, Lti):
             return self.chosen.response(omega, quiet=quiet)
-        if isinstance(self.chosen, SecondOrderModel):
-            return self.split.response(omega)
         return np.asarray(self.chosen.frdata)
 
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending; ``quiet`` as in :meth:`Lti.response`."""
-        if isinstance(self.chosen, SecondOrderModel):
-            return self.split.singular_values(omega)
-        return singular_values(self.response(omega, quiet))
+        split = self._split
+        return singular_values(self.response(omega, quiet)) if split is None else split.singular_values(omega)
 
     @property
     def nyquist(self) -> float:
@@ -120,9 +117,8 @@ class SelectedSystem:
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
-        if isinstance(self.chosen, Lti):
-            return Resonances.of_system(self.chosen, high)
-        return self.split.resonances(high)
+        split = self._split
+        return Resonances.of_system(self.chosen, high) if split is None else split.resonances(high)
 
     @cached_property
     @one_blas_thread
@@ -135,9 +131,9 @@ class SelectedSystem:
         """Whether the system has an unstable pole, as far as data tell."""
         if "norm" in self.__dict__ or is_frequency_response(self.chosen):
             return self.norm.method == UNSTABLE
-        dt = getattr(self.chosen, "dt", 0.0)
-        poles = self.split.poles if isinstance(self.chosen, SecondOrderModel) else self.chosen.poles
-        return bool((sides(poles, dt) > 0).any())
+        split = self._split
+        side = sides(self.chosen.poles, self.chosen.dt) if split is None else side_of_axis(split.poles)
+        return bool((side > 0).any())
 
 
 def between_signals(
