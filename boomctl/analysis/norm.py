@@ -206,15 +206,16 @@ def matrices_norm(given: System, response: Response | None = None, bounded: Boun
         return infinite
     if hidden and len(system.A) <= EXACT_STATES:
         return exact_norm(given, 0.0, 0.0)
-    modes, mapped = continuous_image_of_modes(partial_fractions(system), system.dt)
     respond = partial(_response, system) if response is None else response
+    dt = system.dt
+    modes, mapped = continuous_image_of_modes(partial_fractions(system), dt)
 
     def at_image(v: Array) -> Array:
-        return respond(omega_of_image(v, system.dt))
+        return respond(v if dt == 0.0 else omega_of_image(v, dt))
 
-    last = system.D if system.dt == 0.0 else system.response(np.array([system.nyquist]), quiet=True)[:, :, 0]
+    last = system.D if dt == 0.0 else respond(np.array([system.nyquist]))[:, :, 0]
     peak, at, upper = peak_by_modes(modes, at_image, bounded.doubt + mapped, largest_of(last))
-    omega = float(omega_of_image(at, system.dt))
+    omega = at if dt == 0.0 else float(omega_of_image(at, dt))
     if peak == 0.0:
         return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True, _proved=not hidden, _given=given)
     if not isfinite(peak):  # Larger than any float.
@@ -234,7 +235,7 @@ def matrices_norm(given: System, response: Response | None = None, bounded: Boun
         if result.verified:
             lower = max(result.lower_bound - rounding, 0.0)
             upper = result.upper_bound + (rounding if response is not None else 0.0)
-            omega = float(omega_of_image(result.peak_omega, system.dt))
+            omega = float(omega_of_image(result.peak_omega, dt))
             return replace(result, lower_bound=lower, upper_bound=upper, peak_omega=omega, _given=given)
     if response is not None:  # The last digits of matrices that stand for a structure are not those of the structure.
         return NormBounds(lower, inf, omega, LOST, _given=given)

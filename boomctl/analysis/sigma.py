@@ -172,9 +172,6 @@ class SigmaResult:
         Whether an independent computation confirms ``peak``, and whether it is proved; see `NormBounds`.
     frequency_unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
-    magnitude_unit : str
-        Unit of the singular values of a structural model, such as "m/N", or "m or rad per N" where signals differ; empty
-        where it is not known, as of a ``StateSpace``.
     """
 
     omega: Array
@@ -183,7 +180,15 @@ class SigmaResult:
     output_labels: tuple[str, ...]
     _of: SelectedSystem
     frequency_unit: str = "Hz"
-    magnitude_unit: str = ""
+
+    @property
+    def magnitude_unit(self) -> str:
+        """Unit of the singular values of a structural model, such as "m/N"; empty where it is not known.
+
+        It is "m or rad per N" where signals differ.  That of a ``StateSpace`` is not known.
+        """
+        chosen = self._of.chosen
+        return gain_unit(chosen.units, *self._of.labels) if isinstance(chosen, SecondOrderModel) else ""
 
     @property
     def certificate(self) -> NormBounds:
@@ -314,9 +319,7 @@ def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]
     for name, selected in systems.items():
         omega = grid if selected.omega is None else selected.omega
         values = finite(omega, selected.singular_values(omega, quiet=selected.omega is None))
-        units = getattr(selected.chosen, "units", None)
-        unit = "" if units is None else gain_unit(units, *selected.labels)
-        result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit, unit)
+        result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit)
     return result
 
 
