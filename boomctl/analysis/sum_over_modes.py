@@ -27,9 +27,8 @@ _AROUND = np.array([-5.0, 0.0, 5.0])  # around each mode, in half-widths of its 
 # room for ``2 h^2``, what the tangent and the rest take, where ``h < x/2``: each is nearly twice as wide as the one before
 _BESIDE = np.append(7e-4 * 1.9 ** np.arange(13), [3.5, 13.0, 90.0])
 _CLOSE = np.concatenate([-_BESIDE[::-1], _BESIDE])
-_SPLIT = 8  # parts of a cell at most
+_PARTS = np.arange(4) / 3.0  # ends of the parts of a cell that says nothing (a choice)
 _EVALUATED = 16  # roundings of a term of the sum, besides one for each term that is added
-_OF_TOP = 30.0  # cells that the top of a resonance takes at most: those beside it are twice as wide as the ones before
 _CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost as much as another proof (measured)
 # entries of the response for each mode, of which more take longer than another proof (measured: four half as long to a fifth
 # longer, ten a third longer, twenty twice as long, fifty three times)
@@ -157,11 +156,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
         there = singular_values(S[:, open_].reshape(*modes.D.shape, -1))[0]
         if there.max() >= 1.0:
             return False
-        needed = np.sqrt((most[open_] - there) / (1.0 - there))
-        if np.minimum(needed, _OF_TOP).sum() > left:  # most of them are flat
-            return False
-        parts = int(min(needed.max() + 2.0, _SPLIT))
-        ends = low[open_, None] + 2.0 * h[open_, None] * (np.arange(parts + 1) / parts)
+        ends = low[open_, None] + 2.0 * h[open_, None] * _PARTS
         ends[:, -1] = high[open_]
         low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
     return False
