@@ -76,9 +76,8 @@ class DiskMargin:
 
     def __repr__(self) -> str:
         ranges = f"gains by {1.0 / self.gain_margin:.4g} to {self.gain_margin:.4g}, phases by {self.phase_margin_deg:.4g} deg"
-        return (
-            f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges}{'' if self.verified else ', not verified'})"
-        )
+        ranges += "" if self.verified else ", not verified"
+        return f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges})"
 
     @property
     def certified(self) -> bool:
@@ -372,10 +371,8 @@ def margins(
     S = loop.sensitivity
     m, total, rounding = len(loop.controls), len(S.D), _rounding(S)
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
-        said = (
-            f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
-        )
-        warn_user(said, MarginAccuracyWarning)
+        said = f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size"
+        warn_user(f"{said}; scale the states", MarginAccuracyWarning)
     loops = []
     for i, name in enumerate(loop.controls + loop.measurements):
         further = least_further_delay(P, K, delay, i) if dt != 0.0 and P.dt == 0.0 else None

@@ -92,12 +92,10 @@ class NyquistStability:
 
     def __repr__(self) -> str:
         verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"
-        near = (
-            f"least singular value of I - G K {self.min_return_difference:.4g} at "
-            f"{self.min_return_difference_omega:.4g} rad/s"
-        )
+        least = f"{self.min_return_difference:.4g} at {self.min_return_difference_omega:.4g} rad/s"
         beyond = f"loop gain below one beyond {self.omega_max:.4g} rad/s, as far as computed"
-        return f"NyquistStability: {verdict}\n  {near}\n  {beyond}; {self.nfev} frequencies asked"
+        head = f"NyquistStability: {verdict}\n  least singular value of I - G K {least}"
+        return f"{head}\n  {beyond}; {self.nfev} frequencies asked"
 
 
 @one_blas_thread

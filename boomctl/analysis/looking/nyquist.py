@@ -65,13 +65,12 @@ class NyquistResult:
     _advice: str = field(default="", repr=False, compare=False)
 
     def __repr__(self) -> str:
-        turns = (
-            f"{self.encirclements} encirclements of -1, {count(self.open_loop_unstable_poles, 'unstable pole')} of "
-            "the open loop"
+        opened, closed = (
+            count(number, "unstable pole")
+            for number in (self.open_loop_unstable_poles, self.closed_loop_unstable_poles)
         )
-        verdict = (
-            "stable" if self.stable else f"{count(self.closed_loop_unstable_poles, 'unstable pole')} of the closed loop"
-        )
+        turns = f"{self.encirclements} encirclements of -1, {opened} of the open loop"
+        verdict = "stable" if self.stable else f"{closed} of the closed loop"
         disk = "" if self.disk_margin is None else f"; disk margin {self.disk_margin.alpha:.4g}"
         advice = f"\n  {self._advice}" if self._advice else ""
         return f"NyquistResult: opened at {listed(self.signals, 60)}\n  {turns}: {verdict}{disk}{advice}"
