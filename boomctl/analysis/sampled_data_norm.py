@@ -276,7 +276,7 @@ class SampledLoop:
                 high = level
             elif found.lower_bound >= 1.0:
                 low, omega = level, found.peak_omega
-            else:  # rounding keeps the level from being told
+            elif before[1] > 0.0:  # rounding keeps levels beside the norm from being told
                 apart *= _FARTHER
             if high <= low * (1.0 + 3.0 * apart):
                 return NormBounds(low, high, omega, LIFTED, verified=agree(low, high))
