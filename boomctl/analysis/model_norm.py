@@ -84,16 +84,19 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
             result = SplitModel(system, (system,)).norm()
             return result if result.status == "certified" else norm_of(system)
         return norm_of(system)
-    return norm_of(system if is_frequency_response(system) else of(system, sampled=True))
+    if is_frequency_response(system):
+        return norm_of(system)
+    handed = of(system, sampled=True)
+    return replace(norm_of(handed.balanced()), _given=handed)
 
 
 def norm_of(system: Any) -> NormBounds:
-    """Return the H-infinity norm of a structure, an ``Lti`` or data, all signals of which are meant."""
+    """Return the H-infinity norm of a structure, a balanced ``Lti`` or data, all signals of which are meant."""
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
         return SplitModel.of(system).norm()
-    return replace(matrices_norm(system.balanced()), _given=system)
+    return matrices_norm(system)
 
 
 @dataclass(frozen=True)
