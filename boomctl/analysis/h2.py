@@ -11,13 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.norm import (
-    NOT_PROVED,
-    PROVED,
-    UNSTABLE,
-    NormBounds,
-    at_boundary,
-)
+from boomctl.analysis.norm import NOT_PROVED, PROVED, UNSTABLE, NormBounds, at_boundary
 from boomctl.analysis.sum_over_modes import bounds
 from boomctl.lti.gramians import gramian, refined_gramian
 from boomctl.lti.modal import sides
@@ -77,43 +71,32 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
 
 def matrices_h2_norm(given: Lti) -> NormBounds:
     """Return the H2 norm of ``A, B, C, D``."""
-    if not len(given.A) or min(given.D.shape) == 0:
-        through = float(np.linalg.norm(given.D))
-        if through and given.dt == 0.0:
-            return _fed_through(given)
-        return _between(through, through, through, "no states", verified=True, proved=True)
-    return replace(_norm(given, given.balanced()), _given=given)
-
-
-def _norm(given: Lti, system: Lti) -> NormBounds:
-    """Return the norm of a system that is balanced, too."""
-    infinite, hidden = at_boundary(system, bounds(system))
-    if infinite is not None:
-        if not infinite.verified:
-            decays = (sides(system.poles, system.dt) < 0).all()
-            return _between(0.0, _by_gramians(system).value if decays else inf, inf, infinite.method)
-        pole = (
-            system.rates[int(np.argmax(system.rates.real))] if infinite.method == UNSTABLE else 1j * infinite.peak_omega
-        )
-        return replace(infinite, peak_omega=nan, kind="h2", method=f"{infinite.method} at {pole:.4g} rad/s")
-    if given.D.any() and given.dt == 0.0:
-        return _fed_through(given)
-    if hidden:
-        return _by_exact_arithmetic(system, _between(0.0, 0.0, inf, NOT_PROVED))
-    result = _by_gramians(system)
-    return result if result.verified else _by_exact_arithmetic(system, result)
+    system, through = given.balanced(), float(np.linalg.norm(given.D))
+    moves = len(given.A) > 0 and min(given.D.shape) > 0
+    infinite, hidden = at_boundary(system, bounds(system)) if moves else (None, False)
+    if infinite is not None and infinite.verified:
+        slowest = system.rates[int(np.argmax(system.rates.real))]
+        pole = slowest if infinite.method == UNSTABLE else 1j * infinite.peak_omega
+        result = replace(infinite, peak_omega=nan, kind="h2", method=f"{infinite.method} at {pole:.4g} rad/s")
+    elif infinite is not None:
+        decays = (sides(system.poles, system.dt) < 0).all()
+        result = _between(0.0, _by_gramians(system).value if decays else inf, inf, infinite.method)
+    elif through and given.dt == 0.0:
+        o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
+        method = f"a feedthrough to {given.output_labels[int(o)]!r} from {given.input_labels[int(i)]!r}"
+        result = _between(inf, inf, inf, method, verified=True, proved=True)
+    elif not moves:
+        result = _between(through, through, through, "no states", verified=True, proved=True)
+    else:
+        result = _between(0.0, 0.0, inf, NOT_PROVED) if hidden else _by_gramians(system)
+        result = result if result.verified else _by_exact_arithmetic(system, result)
+    return replace(result, _given=given)
 
 
 def _between(
     lower: float, value: float, upper: float, method: str, verified: bool = False, proved: bool = False
 ) -> NormBounds:
     return NormBounds(lower, upper, nan, method, kind="h2", verified=verified, _proved=proved, _value=value)
-
-
-def _fed_through(given: Lti) -> NormBounds:
-    o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-    method = f"a feedthrough to {given.output_labels[int(o)]!r} from {given.input_labels[int(i)]!r}"
-    return _between(inf, inf, inf, method, verified=True, proved=True)
 
 
 def _by_gramians(system: Lti) -> NormBounds:
@@ -124,9 +107,7 @@ def _by_gramians(system: Lti) -> NormBounds:
     clear = len(system.A) * EPS * float(np.linalg.norm(system.A)) <= _CLEAR * slowest
     for solve in (gramian, refined_gramian) if clear else (refined_gramian,):
         try:
-            with (
-                warnings.catch_warnings()
-            ):  # Of SciPy, where poles are nearly mirror images: the Gramians are compared.
+            with warnings.catch_warnings():  # of SciPy, where poles are nearly mirror images: the Gramians are compared
                 warnings.simplefilter("ignore", RuntimeWarning)
                 P, Q = solve(system.A, system.B, steps), solve(system.A.T, system.C.T, steps)
         except (np.linalg.LinAlgError, ValueError):

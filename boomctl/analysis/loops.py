@@ -171,29 +171,25 @@ def signals_of(
         One is not there; of a state of the plant, how it becomes an output is said, and of a controller without names how
         it gets them.
     """
-    unnamed = [
-        *(f"u[{k}]" for k in range(len(controller.input_labels))),
-        *(f"y[{k}]" for k in range(len(controller.output_labels))),
-    ]
-    if unnamed == [*controller.input_labels, *controller.output_labels] and not {*unnamed} & {*inputs, *outputs}:
+    read, driven = controller.input_labels, controller.output_labels
+    unnamed = [*(f"u[{k}]" for k in range(len(read))), *(f"y[{k}]" for k in range(len(driven)))]
+    if unnamed == [*read, *driven] and not {*unnamed} & {*inputs, *outputs}:
         raise ValueError(
             f"controller: its signals have no names but {listed(unnamed)}: python-control loses them in -K, 2 * K, K1 * K2;"
             f" K.update_names(inputs=[...], outputs=[...]) gives them: what it reads is among {listed(outputs)}, what it"
             f" drives among {listed(inputs)}"
         )
-    for label in controller.input_labels:
+    for label in read:
         if label not in outputs and label in (state.replace(".", "_") for state in states):
             raise ValueError(
                 f"plant: the controller reads its state {label!r}, which is no output; "
                 "boomctl.with_state_outputs(plant) has it"
             )
         known("plant output (it is an input of the controller)", label, outputs)
-    for label in controller.output_labels:
+    for label in driven:
         known("plant input (it is an output of the controller)", label, inputs)
     check_scales(controller, scales)
-    return [inputs.index(label) for label in controller.output_labels], [
-        outputs.index(label) for label in controller.input_labels
-    ]
+    return [inputs.index(label) for label in driven], [outputs.index(label) for label in read]
 
 
 @one_blas_thread
@@ -310,19 +306,13 @@ def closed_loop_response(
     if not others:
         raise ValueError("the controller drives every input of the plant, and nothing drives the loop")
     Kw = K.response(grid).transpose(2, 0, 1)
-    loop = np.eye(len(acting)) - Kw @ G[:, measured][:, :, acting]
     try:
-        u = np.linalg.solve(loop, Kw @ G[:, measured][:, :, others])
+        u = np.linalg.solve(np.eye(len(acting)) - Kw @ G[:, measured][:, :, acting], Kw @ G[:, measured][:, :, others])
     except np.linalg.LinAlgError:
         raise ValueError("the loop has a pole at one of the frequencies asked for") from None
-    z = G[:, :, others] + G[:, :, acting] @ u
-    return control.frd(
-        np.concatenate([z, u], axis=1).transpose(1, 2, 0),
-        grid,
-        inputs=[data.input_labels[i] for i in others],
-        outputs=[*data.output_labels, *K.output_labels],
-        name="closed loop",
-    )
+    z = np.concatenate([G[:, :, others] + G[:, :, acting] @ u, u], axis=1).transpose(1, 2, 0)
+    inputs, outputs = [data.input_labels[i] for i in others], [*data.output_labels, *K.output_labels]
+    return control.frd(z, grid, inputs=inputs, outputs=outputs, name="closed loop")
 
 
 def named_response(
@@ -331,10 +321,9 @@ def named_response(
 ) -> control.FrequencyResponseData:
     """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
     data: Any = plant
-    if is_frequency_response(plant):
-        if omega is not None:
-            raise ValueError("omega: frequency response data have their own frequencies; leave it out")
-    else:
+    if is_frequency_response(plant) and omega is not None:
+        raise ValueError("omega: frequency response data have their own frequencies; leave it out")
+    if not is_frequency_response(plant):
         ask = function_of("plant", plant, "the frequency, or FrequencyResponseData")
         if omega is None:
             raise ValueError("omega: expected frequencies at which to ask the plant's response")

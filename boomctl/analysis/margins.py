@@ -27,7 +27,7 @@ from boomctl.arrays import Array
 from boomctl.checks import known, warn_user
 from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, EMPTY, SEARCHED, resonance_grid, singular_values, smooth_curve
+from boomctl.lti.frequency import BEYOND, DRAWN, EMPTY, SEARCHED, resonance_grid, singular_values, smooth_curve
 from boomctl.lti.modal import resolved, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
 from boomctl.lti.system import Lti, controller_of, of
@@ -46,8 +46,6 @@ _FAINTEST = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
 # share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
 # that the last digit of a frequency turns it by more is not told from a pole on the axis
 _REAL = 1e-3
-_PER_DECADE = 30  # of these at least, where the poles are spread wide (a choice)
-_NARROWEST = 1e-14  # share of its frequency below which the width of a resonance is rounding
 _ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
 _ROUNDS = 12  # of adding those where it is not; two or three do
 _SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
@@ -78,9 +76,8 @@ class DiskMargin:
 
     def __repr__(self) -> str:
         ranges = f"gains by {1.0 / self.gain_margin:.4g} to {self.gain_margin:.4g}, phases by {self.phase_margin_deg:.4g} deg"
-        return (
-            f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges}{'' if self.verified else ', not verified'})"
-        )
+        ranges += "" if self.verified else ", not verified"
+        return f"DiskMargin: {self._text} at {self.omega:.4g} rad/s ({ranges})"
 
     @property
     def certified(self) -> bool:
@@ -176,14 +173,9 @@ class LoopMargin:
         assert S is not None
         image = continuous_image(S)
         gain = opened(image)
-        limits = [
-            *self.gain_margin_omega,
-            self.phase_margin_omega,
-            self.delay_margin_omega,
-            self.disk_margin.omega,
-        ]
-        grids = [grid_of_loop(image), [] if gain is None else grid_of_loop(gain)]
-        asked = np.concatenate([*(omega_of_image(grid, S.dt) for grid in grids), limits])
+        limits = [*self.gain_margin_omega, self.phase_margin_omega, self.delay_margin_omega, self.disk_margin.omega]
+        poles = np.append(image.poles, [] if gain is None else gain.poles)
+        asked = np.append(omega_of_image(grid_of_loop(poles, places=DRAWN), S.dt), limits)
         return smooth_curve(partial(_loop_response, S), np.unique(asked[np.isfinite(asked)]))
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
@@ -379,10 +371,8 @@ def margins(
     S = loop.sensitivity
     m, total, rounding = len(loop.controls), len(S.D), _rounding(S)
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
-        said = (
-            f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size; scale the states"
-        )
-        warn_user(said, MarginAccuracyWarning)
+        said = f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size"
+        warn_user(f"{said}; scale the states", MarginAccuracyWarning)
     loops = []
     for i, name in enumerate(loop.controls + loop.measurements):
         further = least_further_delay(P, K, delay, i) if dt != 0.0 and P.dt == 0.0 else None
@@ -428,20 +418,18 @@ def _rounding(S: Lti) -> Array:
 
 def _disks(S: Lti, groups: Sequence[Sequence[int]], rounding: Array) -> list[DiskMargin]:
     """Return the disk margins of groups of signals; ``rounding`` is that of each signal's sensitivity."""
-    poles = S.rates[resolved(S.rates) & np.isfinite(S.rates)]
-    size = np.abs(poles) if len(poles) else np.array(EMPTY)
-    grid = resonance_grid(
-        poles[poles.imag > 0.0], size.min() / BEYOND, min(size.max() * BEYOND, S.nyquist), points=SEARCHED, also=[0.0]
-    )
+    grid = grid_of_loop(S.rates, S.nyquist, points=SEARCHED)
     G = S.response(grid, quiet=True) if len(S.D) > 1 else np.ones((1, 1, 1))
     return [
-        _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[list(rows)].max(initial=0.0)))
+        _disk(S.between(rows, rows), float(rounding[list(rows)].max(initial=0.0)), G[np.ix_(rows, rows)])
         for rows in groups
     ]
 
 
-def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
-    """Return the disk margin of a sensitivity of response ``G`` at some frequencies; ``S - T = 2 S - 1``.
+def _disk(S: Lti, rounding: float, G: Array | None = None) -> DiskMargin:
+    """Return the disk margin of a sensitivity; ``S - T = 2 S - 1``.
+
+    ``G`` is its response at some frequencies, if it has several signals.
 
     The largest singular value is convex in the logarithm of a diagonal scaling.  It is minimized over the frequencies at
     which it is largest, and those added at which the scaling found makes it larger still, until there are none.  With very
@@ -450,9 +438,9 @@ def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     """
     n, eye = len(S.D), np.eye(len(S.D))
     T = replace(S, C=2.0 * S.C, D=2.0 * S.D - eye)
-    log = np.zeros(0) if n == 1 else _leveled(G := 2.0 * G - eye[:, :, None])
+    log = np.zeros(0) if n == 1 or G is None else _leveled(G := 2.0 * G - eye[:, :, None])
     best = norm = _scaled_norm(T, log)
-    if 1 < n <= _SEARCHED:
+    if G is not None and 1 < n <= _SEARCHED:
         G = G[:, :, np.argsort(-_scaled_values(log, G))[:_ACTIVE]]
         for _ in range(_ROUNDS):
             at = T.response(np.array([norm.peak_omega]), quiet=True) if isfinite(norm.peak_omega) else T.D[:, :, None]
@@ -468,14 +456,13 @@ def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
 
 def single_disk(S: Lti) -> DiskMargin:
     """Return the disk margin of a loop of one signal, whose sensitivity is given."""
-    return _disk(S, np.ones((1, 1, 1)), float(_rounding(S)[0]))
+    return _disk(S, float(_rounding(S)[0]))
 
 
 def _scaled_norm(system: Lti, log: Array) -> NormBounds:
     """Return the norm of a system whose outputs are scaled, and its inputs by the inverse."""
     d = np.exp(np.append(log, 0.0))
-    D = d[:, None] * system.D / d
-    return matrices_norm(Lti(system.A, system.B / d, d[:, None] * system.C, D, dt=system.dt))
+    return matrices_norm(replace(system, B=system.B / d, C=d[:, None] * system.C, D=d[:, None] * system.D / d))
 
 
 def _leveled(G: Array) -> Array:
@@ -530,14 +517,14 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
     return result.x[:-1], float(_scaled_values(result.x[:-1], G).max())
 
 
-def grid_of_loop(system: Lti) -> Array:
-    """Return frequencies that show a system's resonances, however narrow."""
-    poles = system.poles
-    size = np.abs(poles[resolved(poles)])
-    low, high = (size.min() / BEYOND, size.max() * BEYOND) if len(size) else EMPTY
-    points = max(CURVE, int(_PER_DECADE * np.log10(high / low)))
-    around = poles[poles.imag >= 0.0]
-    return resonance_grid(around, low, high, points=points, places=DRAWN, narrowest=_NARROWEST, also=[0.0])
+def grid_of_loop(poles: Array, top: float = inf, **density: Any) -> Array:
+    """Return frequencies up to a highest one that show the resonances of poles, or rates, [rad/s].
+
+    ``density`` as of :func:`boomctl.lti.frequency.resonance_grid`.
+    """
+    poles = poles[resolved(poles) & np.isfinite(poles)]
+    size = np.abs(poles) if len(poles) else np.array(EMPTY)
+    return resonance_grid(poles, size.min() / BEYOND, min(size.max() * BEYOND, top), also=[0.0], **density)
 
 
 def opened(S: Lti) -> Lti | None:
@@ -570,19 +557,8 @@ def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: tupl
     phase, delays = _phase_limits(image, respond, last, dt)
     delay = min(delays, default=(inf, nan)) if further is None else further
     low_omega, high_omega, phase_omega = omega_of_image([low[1], high[1], phase[1]], dt).tolist()
-    return LoopMargin(
-        signal=signal,
-        location=place,
-        gain_margin=(low[0], high[0]),
-        gain_margin_omega=(low_omega, high_omega),
-        phase_margin_deg=phase[0],
-        phase_margin_omega=phase_omega,
-        delay_margin=delay[0],
-        delay_margin_omega=delay[1],
-        disk_margin=_disk(S, np.ones((1, 1, 1)), rounding),
-        rounding_error=rounding,
-        _sensitivity=S,
-    )
+    gains, places = (low[0], high[0]), (low_omega, high_omega)
+    return LoopMargin(signal, place, gains, places, phase[0], phase_omega, *delay, _disk(S, rounding), rounding, S)
 
 
 def _gain_limits(

@@ -5,9 +5,9 @@ of its undamped modes, where it has them, or of its own coordinates; the respons
 """
 
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
     BELOW,
-    EMPTY,
     MODES,
     SEARCHED,
     Resonances,
@@ -78,19 +77,26 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
     >>> round(norm.lower_bound, 2), round(norm.peak_omega, 3), bool(norm.certified)
     (10.01, 0.997, True)
     """
-    if is_frequency_response(system):
-        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
         system = system.between()
         # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
-        small = system.structure.mirror is not None and system.ncoordinates <= _WHOLE
-        if small and (system._modal_form.eigensystem[0].real < 0.0).all():
+        if system.ncoordinates <= _WHOLE and (system._modal_form.eigensystem[0].real < 0.0).all():
             result = SplitModel(system, (system,)).norm()
-            if result.status == "certified":
-                return result
-        return SplitModel.of(system).norm()
+            return result if result.status == "certified" else norm_of(system)
+        return norm_of(system)
+    if is_frequency_response(system):
+        return norm_of(system)
     handed = of(system, sampled=True)
-    return replace(matrices_norm(handed.balanced()), _given=handed)
+    return replace(norm_of(handed.balanced()), _given=handed)
+
+
+def norm_of(system: Any) -> NormBounds:
+    """Return the H-infinity norm of a structure, a balanced ``Lti`` or data, all signals of which are meant."""
+    if is_frequency_response(system):
+        return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
+    if isinstance(system, SecondOrderModel):
+        return SplitModel.of(system).norm()
+    return matrices_norm(system)
 
 
 @dataclass(frozen=True)
@@ -117,14 +123,25 @@ class SplitModel:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
         return respond(self.model.structure, self.model.ports, omega)
 
+    @cached_property
+    def poles(self) -> Array:
+        """The poles of all parts [rad/s]."""
+        return np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
+
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
-        shown = _modal_band(*(self.parts if len(self.parts) == 2 else [self.model]))
-        if shown is None:
+        parts = self.parts if len(self.parts) == 2 else (self.model,)
+        try:
+            found = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
+        except ValueError:  # no real modes
+            found = [np.zeros(0)]
+        frequencies = np.sort(np.concatenate(found))
+        shown = frequencies[frequencies > 0.0][:MODES]
+        shown = shown[shown <= _WIDE * shown[:1]]
+        if not len(shown):
             return Resonances.of(first_order_poles(self.model.M, self.model.C, self.model.K), high)
-        low, top = shown[0], ABOVE * shown[1] if high is None else high
-        poles: Array = np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
-        return Resonances(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], BELOW * low, top)
+        low, top = float(shown[0]), ABOVE * float(shown[-1]) if high is None else high
+        return Resonances(self.poles[(self.poles.imag >= 0.0) & (np.abs(self.poles) <= top)], BELOW * low, top)
 
     @one_blas_thread
     def norm(self) -> NormBounds:
@@ -135,17 +152,14 @@ class SplitModel:
         ValueError
             A response that is not proper (an output that needs a derivative of an input).
         """
-        stages = () if self.parts == (self.model,) else ("halves",)
         if not self.parts:
-            return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, stages, verified=True, _proved=True, _given=self.model)
-        bounded = [Bounded() if _is_wide(part) else bounds(part._modal_form) for part in self.parts]
+            return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, ("halves",), verified=True, _proved=True, _given=self.model)
+        bounded = [(Bounded() if _is_wide(part) else bounds(part._modal_form), part) for part in self.parts]
         norms: list[NormBounds] = []
         # Of a part whose bound is below the norm of another one nothing else is asked.
-        for i in sorted(range(len(self.parts)), key=lambda i: -bounded[i].norm):
-            part = self.parts[i]
-            stages += (_coordinates_of(part),)
-            if not norms or bounded[i].norm > norms[0].lower_bound:
-                norms.append(_part_norm(part, bounded[i]))
+        for most, part in sorted(bounded, key=lambda item: -item[0].norm):
+            if not norms or most.norm > norms[0].lower_bound:
+                norms.append(_part_norm(part, most))
         largest = max(norms, key=lambda norm: norm.lower_bound)
         widest = max(norms, key=lambda norm: norm.upper_bound)
         verified = agree(largest.lower_bound, widest.upper_bound) and largest.verified
@@ -153,32 +167,19 @@ class SplitModel:
             largest,
             upper_bound=widest.upper_bound,
             method=largest.method if verified else widest.method,  # Why it is not verified.
-            stages=stages,
+            stages=(*(() if self.parts == (self.model,) else ("halves",)), *map(_coordinates_of, self.parts)),
             verified=verified,
             _proved=all(norm._proved for norm in norms),
             _given=self.model,
         )
 
 
-def _modal_band(*parts: SecondOrderModel) -> tuple[float, float] | None:
-    """Return the lowest and the eighth elastic frequency of all [rad/s]; None for matrices that have no real modes."""
-    try:
-        result = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
-    except ValueError:
-        return None
-    frequencies = np.sort(np.concatenate(result))
-    shown = frequencies[frequencies > 0.0][:MODES]
-    shown = shown[shown <= _WIDE * shown[:1]]
-    return (float(shown[0]), float(shown[-1])) if len(shown) else None
-
-
 def _part_norm(part: SecondOrderModel, bounded: Bounded) -> NormBounds:
     """Return the norm of a part; not verified where no state space holds its fastest motions beside the slowest ones."""
     if not _is_wide(part):
         return matrices_norm(part._modal_form, partial(_response, part), bounded)
-    band = _modal_band(part)
-    low, last = band if band is not None else EMPTY
-    grid = resonance_grid(_poles(part), BELOW * low, ABOVE * last, points=SEARCHED)
+    found = SplitModel(part, (part,)).resonances()
+    grid = resonance_grid(found.poles, found.low, found.high, points=SEARCHED)
     peak, at = highest_peak(lambda omega: singular_values(_response(part, omega))[0], grid)
     return NormBounds(peak, inf, at, LOST)
 
@@ -210,11 +211,11 @@ def _coordinates_of(part: SecondOrderModel) -> str:
     return "undamped modes"
 
 
-def _response(small: SecondOrderModel, omega: Array) -> Array:
-    seen = np.maximum(omega, beside(np.zeros(1))) if any(small.ports.integrators) else omega
+def _response(part: SecondOrderModel, omega: Array) -> Array:
+    seen = np.maximum(omega, beside(np.zeros(1))) if any(part.ports.integrators) else omega
     try:
-        return direct_response(small.structure, small.ports, seen)
+        return direct_response(part.structure, part.ports, seen)
     except ValueError:  # one of the frequencies is that of an undamped mode, which may not show
-        if len(seen) > 1:
-            return np.concatenate([_response(small, seen[k : k + 1]) for k in range(len(seen))], axis=2)
-    return direct_response(small.structure, small.ports, beside(seen))
+        if len(seen) == 1:
+            return direct_response(part.structure, part.ports, beside(seen))
+    return np.concatenate([_response(part, seen[k : k + 1]) for k in range(len(seen))], axis=2)

@@ -14,7 +14,7 @@ above is one of three, in this order:
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
-from math import inf, isfinite, log2
+from math import inf, isfinite, log2, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,7 +28,6 @@ from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
     RAISED,
     SEARCHED,
-    Resonances,
     Response,
     highest_peak,
     largest_gain,
@@ -54,6 +53,7 @@ _NEAR = 100.0
 # level leave bounds that agree to CERTIFIED.
 _DOUBT = 0.28 * CERTIFIED
 _TWICE = 2.0  # Times what rounding may change of a response: once of the system's own, once of the sum over its modes.
+_BESIDE = [0.7, 1.0]  # times its frequency, where the response of a mode that may be undamped is looked at (a choice)
 _BAND_START = 1e-6  # Where the grid of a band from zero begins, relative to its end.
 _TINY = 1e-150  # Norms below which squares of responses are not numbers of full precision.
 
@@ -206,25 +206,27 @@ def matrices_norm(given: System, response: Response | None = None, bounded: Boun
         return infinite
     if hidden and len(system.A) <= EXACT_STATES:
         return exact_norm(given, 0.0, 0.0)
-    modes, mapped = continuous_image_of_modes(partial_fractions(system), system.dt)
     respond = partial(_response, system) if response is None else response
+    dt = system.dt
+    modes, mapped = continuous_image_of_modes(partial_fractions(system), dt)
 
     def at_image(v: Array) -> Array:
-        return respond(omega_of_image(v, system.dt))
+        return respond(v if dt == 0.0 else omega_of_image(v, dt))
 
-    last = system.D if system.dt == 0.0 else system.response(np.array([system.nyquist]), quiet=True)[:, :, 0]
+    last = system.D if dt == 0.0 else respond(np.array([system.nyquist]))[:, :, 0]
     peak, at, upper = peak_by_modes(modes, at_image, bounded.doubt + mapped, largest_of(last))
-    omega = float(omega_of_image(at, system.dt))
+    omega = at if dt == 0.0 else float(omega_of_image(at, dt))
     if peak == 0.0:
         return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True, _proved=not hidden, _given=given)
     if not isfinite(peak):  # Larger than any float.
         return NormBounds(0.0, inf, omega, NOT_TOLD, _given=given)
-    if upper < inf and peak >= _TINY:
-        lower = max(peak - rounding_of(given, _finite(omega)), 0.0)
-        return NormBounds(lower, upper, omega, IN_MODES, verified=True, _proved=True, _given=given)
-    seen = _finite(omega) if bounded.doubt <= _DOUBT * peak else np.append(_finite(omega), least_damped(system.rates))
+    seen = np.append(
+        omega if isfinite(omega) else 0.0, [] if bounded.doubt <= _DOUBT * peak else least_damped(system.rates)
+    )
     rounding = rounding_of(given, seen)
     lower = max(peak - rounding, 0.0)
+    if upper < inf and peak >= _TINY:
+        return NormBounds(lower, upper, omega, IN_MODES, verified=True, _proved=True, _given=given)
     if not hidden and rounding <= LEVEL * peak and peak >= _TINY:
         try:
             result = level_norm(continuous_image(system), at_image, (peak, at))
@@ -233,7 +235,7 @@ def matrices_norm(given: System, response: Response | None = None, bounded: Boun
         if result.verified:
             lower = max(result.lower_bound - rounding, 0.0)
             upper = result.upper_bound + (rounding if response is not None else 0.0)
-            omega = float(omega_of_image(result.peak_omega, system.dt))
+            omega = float(omega_of_image(result.peak_omega, dt))
             return replace(result, lower_bound=lower, upper_bound=upper, peak_omega=omega, _given=given)
     if response is not None:  # The last digits of matrices that stand for a structure are not those of the structure.
         return NormBounds(lower, inf, omega, LOST, _given=given)
@@ -326,40 +328,18 @@ def peak_by_modes(
     is at the peak: where the proof says so, no other is searched for.  The bound is ``above`` the peak, relative.
     """
 
-    def highest(omega: Array) -> Array:
-        return singular_values(respond(omega))[0]
-
-    def bound(peak: float, at: float) -> tuple[float, Array]:
-        """Return a proved bound, infinite without one, and frequencies at which the sum is higher."""
-        if not (doubt <= _DOUBT * peak < inf and isfinite(at)):
-            return inf, np.zeros(0)
+    def bounded(peak: float, at: float) -> tuple[float, float, float]:
         level = peak * (1.0 + above)
-        told, higher = sum_over_modes.stays_below(modes, level, at)
-        return level + _TWICE * doubt if told else inf, higher
+        told = doubt <= _DOUBT * peak < inf and isfinite(at) and sum_over_modes.stays_below(modes, level, at)
+        return peak, at, level + _TWICE * doubt if told else inf
 
     top = top_of_a_mode(modes) if doubt < inf else None
     if top is not None:
-        peak, at = float(highest(np.array(top[1:]))[0]), top[1]
-        upper, _ = bound(peak, at)
-        if upper < inf:
-            return peak, at, upper
+        result = bounded(float(singular_values(respond(np.array([top[1]])))[0, 0]), top[1])
+        if result[2] < inf:
+            return result
     peak, at = largest_gain(modes, respond)
-    peak, at = (peak, at) if peak >= last else (last, inf)
-    for _ in range(RAISED if 0.0 < peak < inf else 0):
-        upper, higher = bound(peak, at)
-        value, omega = highest_peak(highest, higher) if len(higher) else (0.0, at)
-        if upper < inf or value <= peak:
-            return peak, at, upper
-        peak, at = value, omega
-    return peak, at, inf
-
-
-def _infinite(given: System, pole: complex | None, proved: bool) -> NormBounds:
-    """Return an infinite norm: of an unstable pole, or of one on the boundary of stability that shows, a rate [rad/s]."""
-    if pole is None:
-        return NormBounds(inf, inf, float("nan"), UNSTABLE, verified=True, _proved=proved, _given=given)
-    method = UNDAMPED if given.system.dt == 0.0 else ON_CIRCLE
-    return NormBounds(inf, inf, abs(pole.imag), method, verified=True, _proved=proved, _given=given)
+    return bounded(peak, at) if peak >= last else (last, inf, inf)
 
 
 def _movable(system: Lti, times: float) -> Array:
@@ -386,71 +366,50 @@ def _movable(system: Lti, times: float) -> Array:
 def at_boundary(given: System, bounded: Bounded) -> tuple[NormBounds | None, bool]:
     """Return what poles near the boundary of stability make of a norm, None if they decay, and whether some do not show.
 
-    Exact arithmetic decides of up to `EXACT_STATES` states, of the numbers as they are stored.  A pole that it does not
-    find on the boundary, and that rounding of the entries may move across, is reported and leaves no upper bound.
+    Exact arithmetic decides of up to `EXACT_STATES` states, of the numbers as they are stored, and floats of more, where
+    poles are clear of what rounding may move.  A pole that is not found on the boundary, and that rounding of the entries
+    may move across, is reported and leaves no upper bound.
     """
     system = given.system
     if bounded.unstable:
-        return _infinite(given, None, proved=True), False
+        return NormBounds(inf, inf, nan, UNSTABLE, verified=True, _proved=True, _given=given), False
     if bounded.doubt < inf or not _movable(system, _NEAR).any():
         return None, False
-    decided = _exact_sides(given) if len(system.A) <= EXACT_STATES else _sides_in_floats(given)
-    if decided is not None:
-        return decided
-    rates = system.rates
-    worst = int(np.argmax(rates.real))
-    peak, at = _largest_beyond_rounding(given)
-    return NormBounds(peak, inf, at, f"a mode at {abs(rates[worst]):.6g} rad/s {doubtful(system)}", _given=given), False
-
-
-def _exact_sides(given: System) -> tuple[NormBounds | None, bool] | None:
-    """Return what exact arithmetic says of poles near the boundary, as :func:`at_boundary`; None where rounding decides."""
     from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact
 
-    system = given.system
+    is_small, side = len(system.A) <= EXACT_STATES, sides(system.poles, system.dt)
     try:
-        growing, on_axis, shown = Exact.of(given, OPERATIONS).sides
+        growing, on_axis, shown = Exact.of(given, OPERATIONS).sides if is_small else _sides_in_floats(system, side)
     except UndecidedError:
         return NormBounds(0.0, inf, 0.0, NOT_PROVED, _given=given), False
-    if growing:
-        clear = (sides(system.poles, system.dt) > 0).any()
-        return (_infinite(given, None, proved=True), False) if clear else None
-    if shown:
-        slowest = min(rates_of(np.array(shown), system.dt), key=lambda rate: abs(rate.imag))
-        return _infinite(given, complex(slowest), proved=True), False
+    if growing and (side > 0).any():
+        return NormBounds(inf, inf, nan, UNSTABLE, verified=True, _proved=is_small, _given=given), False
+    if shown and not growing:
+        at, method = np.abs(rates_of(np.array(shown), system.dt).imag).min(), ON_CIRCLE if system.dt else UNDAMPED
+        return NormBounds(inf, inf, float(at), method, verified=True, _proved=is_small, _given=given), False
     hidden = np.zeros(len(system.A), bool)
     for pole in on_axis:
         hidden[np.where(hidden, inf, np.abs(system.poles - pole)).argmin()] = True
-    return None if (_movable(system, 1.0) & ~hidden).any() else (None, bool(on_axis))
+    if not growing and not (_movable(system, 1.0 if is_small else _NEAR) & ~hidden).any():
+        return None, bool(on_axis)
+    worst = float(np.abs(system.rates[system.rates.real.argmax()]))
+    seen = np.outer(_BESIDE, np.abs(system.rates[np.isfinite(system.rates)])).ravel()
+    values = singular_values(system.response(seen, quiet=True))[0]
+    peak, at = max((float(x) - rounding_of(given, np.array([w])), float(w)) for x, w in zip(values, seen, strict=True))
+    said = f"a mode at {worst:.6g} rad/s that the digits given do not tell from one on the "
+    said += f"{'unit circle' if system.dt else 'imaginary axis'}, where the norm would be infinite"
+    return NormBounds(max(peak, 0.0), inf, at, said, _given=given), False
 
 
-def _sides_in_floats(given: System) -> tuple[NormBounds | None, bool] | None:
-    """Return what is clear of poles near the boundary in floats, as :func:`at_boundary`; None where rounding decides.
-
-    Clear are poles that are unstable by more than rounding may move them, and those of undamped modes and integrators, which
-    are on the boundary but for rounding.
-    """
-    system = given.system
-    side = sides(system.poles, system.dt)
+def _sides_in_floats(system: Lti, side: Array) -> tuple[bool, list[complex], list[complex]]:
+    """Return whether poles are unstable by more than rounding may move them, the undamped ones, and those that show."""
     inside, moved = system.distances
-    if (-inside > _NEAR * moved).any():
-        return _infinite(given, None, proved=False), False
-    if (side > 0).any() or not (side == 0).any():
-        return None
-    rates, (_, reads, right) = system.rates, system.eigensystem
-    undamped = int(np.argmin(np.where(side == 0, np.abs(rates.imag), inf)))
-    acts, read = np.abs(reads[undamped] @ system.B), np.abs(system.C @ right[:, undamped])
-    sizes = np.abs(reads[undamped]) @ np.abs(system.B), np.abs(system.C) @ np.abs(right[:, undamped])
-    if (acts <= SUMMED * sizes[0]).all() or (read <= SUMMED * sizes[1]).all():
-        return None, True
-    return _infinite(given, complex(rates[undamped]), proved=False), False
-
-
-def doubtful(system: Lti) -> str:
-    """Return what is said of a mode that may be undamped."""
-    boundary = "imaginary axis" if system.dt == 0.0 else "unit circle"
-    return f"that the digits given do not tell from one on the {boundary}, where the norm would be infinite"
+    poles, reads, right = system.eigensystem
+    acts = (np.abs(reads @ system.B) > SUMMED * (np.abs(reads) @ np.abs(system.B))).any(axis=1)
+    read = (np.abs(system.C @ right) > SUMMED * (np.abs(system.C) @ np.abs(right))).any(axis=0)
+    undamped = side == 0
+    return bool((-inside > _NEAR * moved).any()), poles[undamped].tolist(), poles[undamped & acts & read].tolist()
 
 
 def _highest_at(respond: Response, omega: Array, band: tuple[float, float]) -> tuple[float, float]:
@@ -462,24 +421,6 @@ def _highest_at(respond: Response, omega: Array, band: tuple[float, float]) -> t
     seen = np.concatenate([seen, 0.5 * (seen[1:] + seen[:-1]), ends])
     values = singular_values(respond(seen))[0]
     return float(values.max()), float(seen[values.argmax()])
-
-
-def _at_level(system: Lti, level: float, least: float = inf) -> tuple[Array, Array, Array]:
-    """Return ``B``, ``C``, ``D`` with which the response at a level has the size one.
-
-    Where ``B`` or ``C`` is smaller than ``least``, or larger than its inverse, by default always, they are so by a power of
-    two, without rounding, that makes both alike: their squares are numbers.
-    """
-    B, C = system.B / np.sqrt(level), system.C / np.sqrt(level)
-    size_B, size_C = blas.dnrm2(B.ravel()), blas.dnrm2(C.ravel())
-    small, large = sorted([float(size_B), float(size_C)])
-    far = small > 0.0 and (small < least or large > 1.0 / least)
-    up = 2.0 ** round(0.5 * (log2(size_C) - log2(size_B))) if far else 1.0
-    return up * B, C / up, system.D / level
-
-
-def _finite(omega: float) -> Array:
-    return np.array([omega if isfinite(omega) else 0.0])
 
 
 def least_damped(rates: Array, band: tuple[float, float] = (0.0, inf)) -> Array:
@@ -513,17 +454,6 @@ def rounding_of(given: System, omega: Array, doubt: float = 0.0) -> float:
     return worst
 
 
-def _largest_beyond_rounding(given: System) -> tuple[float, float]:
-    """Return the largest singular value that is not rounding, near the poles and between them, and its frequency."""
-    grid = Resonances.of_system(given.system).curve()
-    values = singular_values(given.system.response(grid, quiet=True))[0]
-    for k in values.argsort()[::-1]:
-        value = float(values[k]) - rounding_of(given, grid[k : k + 1])
-        if value > 0.5 * values[k]:
-            return value, float(grid[k])
-    return 0.0, 0.0
-
-
 def _response(system: Lti, omega: Array) -> Array:
     """Return a system's response; of one frequency with what tells how much of it is rounding, which may be asked next."""
     solved = _solved(system, float(omega[0])) if len(omega) == 1 else None
@@ -543,14 +473,16 @@ def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
 
 def hamiltonian_matrix(system: Lti, level: float) -> Array:
     """Return the balanced Hamiltonian matrix of a level."""
+    A, n, D = system.A, len(system.A), system.D / level
+    B, C = system.B / np.sqrt(level), system.C / np.sqrt(level)
+    sizes = blas.dnrm2(B.ravel()), blas.dnrm2(C.ravel())
     # where squares are numbers states stay as they are: others hide levels of stiff structures in rounding (measured)
-    A, n, (B, C, D) = system.A, len(system.A), _at_level(system, level, _TINY)
-    if D.any():
-        fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
-        A, C_, B_ = A + B @ fed[:, :n], C + D @ fed[:, :n], fed[:, n:]
-    else:
-        C_, B_ = C, B.T
-    return balance(blocks([[A, B @ B_], [-C.T @ C_, -A.T]]))[0]
+    if 0.0 < min(sizes) < _TINY or max(sizes) * _TINY > 1.0:
+        up = 2.0 ** round(0.5 * (log2(sizes[1]) - log2(sizes[0])))
+        B, C = up * B, C / up
+    fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))
+    A, C_ = A + B @ fed[:, :n], C + D @ fed[:, :n]
+    return balance(blocks([[A, B @ fed[:, n:]], [-C.T @ C_, -A.T]]))[0]
 
 
 def near_axis(H: Array) -> tuple[Array, Array]:
@@ -561,12 +493,8 @@ def near_axis(H: Array) -> tuple[Array, Array]:
     image of another: eigenvalues off the axis come in such pairs, and this one may be off it by rounding.
     """
     scaled, power = scaled_to_one(H)
-    re, im, _, _, failed = lapack.dgeev(
-        scaled, compute_vl=0, compute_vr=0, lwork=int(lapack.dgeev_lwork(len(H), 0, 0)[0])
-    )
-    if failed:
-        raise np.linalg.LinAlgError("eigenvalues of a Hamiltonian matrix were not found")
-    values = np.ldexp(re, power)[im >= 0.0] + 1j * np.ldexp(im, power)[im >= 0.0]
+    values = 2.0**power * np.linalg.eigvals(scaled).astype(complex)
+    values = values[values.imag >= 0.0]
     size, off = np.abs(values), np.abs(values.real)
     noise = _ROUNDING * blas.dnrm2(H.ravel()) + SUMMED * size
     close = off <= noise

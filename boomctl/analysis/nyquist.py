@@ -92,12 +92,10 @@ class NyquistStability:
 
     def __repr__(self) -> str:
         verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"
-        near = (
-            f"least singular value of I - G K {self.min_return_difference:.4g} at "
-            f"{self.min_return_difference_omega:.4g} rad/s"
-        )
+        least = f"{self.min_return_difference:.4g} at {self.min_return_difference_omega:.4g} rad/s"
         beyond = f"loop gain below one beyond {self.omega_max:.4g} rad/s, as far as computed"
-        return f"NyquistStability: {verdict}\n  {near}\n  {beyond}; {self.nfev} frequencies asked"
+        head = f"NyquistStability: {verdict}\n  least singular value of I - G K {least}"
+        return f"{head}\n  {beyond}; {self.nfev} frequencies asked"
 
 
 @one_blas_thread
@@ -175,18 +173,9 @@ def nyquist_stability(
         raise ArithmeticError(f"{count} encirclements with {unstable} unstable poles: the plant itself is not stable")
     least = singular_values(values.transpose(1, 2, 0))[-1]
     best = int(np.argmin(least))
-    return NyquistStability(
-        stable=count == unstable,
-        unstable_poles=unstable - count,
-        encirclements=count,
-        unstable_controller_poles=unstable,
-        min_return_difference=float(least[best]),
-        min_return_difference_omega=float(omega[best]),
-        omega_max=end,
-        nfev=len(omega),
-        omega=omega,
-        curve=determinants - 1.0,
-    )
+    closest = float(least[best]), float(omega[best])
+    counts = unstable - count, count, unstable
+    return NyquistStability(count == unstable, *counts, *closest, end, len(omega), omega, determinants - 1.0)
 
 
 def _estimates(poles: ArrayLike) -> Array:
@@ -218,10 +207,8 @@ def _end(plant: Callable[[Array], control.FrequencyResponseData], controller: Lt
 
 def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> tuple[Array, Array]:
     """Return frequencies and ``I - G K`` at them, a stack, so close that the determinant's phase cannot be mistaken."""
-    omega, values = grid, difference(grid)
-    settled = np.zeros(len(grid) - 1, dtype=bool)
+    omega, values, open_ = grid, difference(grid), np.arange(len(grid) - 1)  # steps, by their first places
     for _ in range(_HALVINGS):
-        open_ = np.flatnonzero(~settled)
         if not len(open_):
             return omega, values
         if len(omega) + len(open_) > limit:
@@ -229,11 +216,11 @@ def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> t
         middle = 0.5 * (omega[open_] + omega[open_ + 1])
         result = difference(middle)
         a, b, m = (np.linalg.det(x) for x in (values[open_], values[open_ + 1], result))
-        if (np.abs(m) == 0.0).any():
+        if (m == 0.0).any():
             break
-        fine = np.abs(m - 0.5 * (a + b)) < _STRAIGHT * np.minimum(np.abs(a), np.abs(b))
-        fine &= (np.abs(np.angle([m / a, b / m, b / a])) < _STEP).all(axis=0)
+        coarse = np.abs(m - 0.5 * (a + b)) >= _STRAIGHT * np.minimum(np.abs(a), np.abs(b))
+        coarse |= (np.abs(np.angle([m / a, b / m, b / a])) >= _STEP).any(axis=0)
         omega, values = np.insert(omega, open_ + 1, middle), np.insert(values, open_ + 1, result, axis=0)
-        settled[open_] = fine
-        settled = np.insert(settled, open_ + 1, fine)
+        left = (open_ + np.arange(len(open_)))[coarse]
+        open_ = np.sort(np.append(left, left + 1))
     raise ArithmeticError("the loop's phase could not be followed: it has a pole on the imaginary axis, or close to it")

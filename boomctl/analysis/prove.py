@@ -151,10 +151,9 @@ def _shown(claim: Claim, parts: list[Exact]) -> Iterator[str]:
 
 def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega: float) -> str:
     """Return what was proved of two bounds of a norm; where there is no upper one, what the norm of the stored numbers is."""
-    over, band = "", (0.0, inf)
-    if claim.band is not None:
-        over = f" between {claim.band[0]:.6g} and {claim.band[1]:.6g} rad/s"
-        band = parts[0].square(claim.band[0]), parts[0].square(claim.band[1])
+    ends = claim.band or (0.0, inf)
+    over = f" between {ends[0]:.6g} and {ends[1]:.6g} rad/s" if claim.band else ""
+    band = parts[0].square(ends[0]), parts[0].square(ends[1]) if ends[1] < inf else inf
     if high == inf:
         if any(exact.sides[0] or exact.sides[2] for exact in parts):
             return "not stable as stored; the result says that the last digits of the entries decide"
@@ -169,34 +168,29 @@ def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega
                 raise UndecidedError("the inequality of the bounded real lemma does not hold in 128 bits")
             reached = reached or bool(inequality.gain(omega) >= least)
         else:
-            reached = _exact_bounds_shown(claim, exact, (least, level), omega, band) or reached
+            _check_not_exceeded(claim, exact, level, band)
+            reached = reached or bool(exact.gain(exact.square(omega)) >= least) or _is_exceeded(exact, least, band)[0]
+    if not reached and any(exact.is_large for exact in parts):
+        raise UndecidedError(f"no gain of {low:.9g} was found at {omega:.9g} rad/s")
     if not reached:
-        if any(exact.is_large for exact in parts):
-            raise UndecidedError(f"no gain of {low:.9g} was found at {omega:.9g} rad/s")
         _refute(claim, f"no gain reaches {low:.9g}")
     return f"norm from {low:.9g} to {high:.9g}{over}"
 
 
-def _exact_bounds_shown(
-    claim: Claim, exact: Exact, bounds: tuple[float, float], omega: float, band: tuple[float, float]
-) -> bool:
-    """Prove in exact arithmetic that the upper bound is not reached; return whether the lower one is."""
-    low, level = bounds
-    if claim.band is None and claim.stable is None:
-        growing, _, shown = exact.sides
-        if growing or shown:
-            _refute(claim, f"a pole at {exact.slowest:.6g} makes the norm infinite")
-    inside = 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0
-    places, stays = exact.crossings(level, inside)
-    reached = [float(x) for x in places if band[0] < float(x) < band[1]]
-    if reached or not stays:
-        at = f" at {exact.omega(reached[0]):.9g} rad/s" if reached else ""
+def _check_not_exceeded(claim: Claim, exact: Exact, level: float, band: tuple[float, float]) -> None:
+    """Prove in exact arithmetic that no gain in a band reaches a level."""
+    if claim.band is None and claim.stable is None and (exact.sides[0] or exact.sides[2]):
+        _refute(claim, f"a pole at {exact.slowest:.6g} makes the norm infinite")
+    exceeded, at = _is_exceeded(exact, level, band)
+    if exceeded:
         _refute(claim, f"a gain of {level:.9g} is exceeded{at}")
-    guess = exact.square(omega)
-    if low <= 0.0 or exact.gain(guess) >= low:
-        return True
-    places, stays = exact.crossings(low, inside)
-    return not stays or any(band[0] < float(x) < band[1] for x in places)
+
+
+def _is_exceeded(exact: Exact, level: float, band: tuple[float, float]) -> tuple[bool, str]:
+    """Return whether a gain in a band reaches a level, and where, for messages."""
+    places, stays = exact.crossings(level, 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0)
+    reached = [f" at {exact.omega(x):.9g} rad/s" for x in map(float, places) if band[0] < x < band[1]]
+    return bool(reached) or not stays, "".join(reached[:1])
 
 
 def _energy_shown(claim: Claim, parts: list[Exact], low: float, high: float) -> str:

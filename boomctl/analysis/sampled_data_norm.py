@@ -7,13 +7,12 @@ one.  That system is the solution over a sample of ``x' = A x + B w``, ``p' = -A
 where ``W X`` stays below one exactly if the level is above what can be gained within the step.  Nothing grows in it, however
 fast the poles are.
 
-The lower bound is found apart from that: disturbances that run along straight lines in parts of a sample, and turn by an
-angle from sample to sample, leave outputs whose energy is a Gramian.  Whatever the number of parts, the gain is reached.
+So levels on either side of the norm bound it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial, reduce
+from functools import reduce
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -23,10 +22,11 @@ from scipy import linalg
 from boomctl.analysis.norm import NormBounds, agree, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
-from boomctl.lti.frequency import BEYOND, SEARCHED, highest_peak, resonance_grid
+from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
+from boomctl.lti.rounding import TINY
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
-from boomctl.lti.system import Lti, controller_of, lower_lft, of
+from boomctl.lti.system import Lti, controller_of, lower_lft, of, signal_scales
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -34,21 +34,16 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-LIFTED = "levels of the lifted loop, and disturbances straight in parts of a sample"  # how both bounds are found
-NOT_TOLD = "no level above the gain reached could be proved"  # no upper bound
+LIFTED = "levels of the lifted loop, one that is reached and one that is not"  # how both bounds are found
+NOT_TOLD = "rounding keeps levels beside the norm from being told"
 NOT_STABLE = "a pole on or outside the unit circle"  # infinite
-_SMALL = 0.5  # size of a first step times its Hamiltonian matrix, whose series then has all digits after 14 terms
-_TERMS = 14  # of that series: 0.5^15/15! is below rounding
+_SMALL = 0.5  # size of a first step times its Hamiltonian matrix (a choice)
 _SHORT = 0.25  # of a level, that can be gained at most within the first step: far from any limit (a choice)
 _DOUBLINGS = 60  # of the first step at most: more is a mistake of unit (a choice)
-_SLOWEST = 1e-9  # Share of the sampling rate below which a pole is at rest (a choice).
-_LOWEST = 0.1  # Likewise, below which the search begins at least (a choice).
-_ABOVE = 4e-6  # Above the gain reached, at which a level is proved: norms are certified to 1e-5.
-_FAR_ABOVE = (3e-5, 1e-4, 1e-3)  # Likewise, where more parts of a sample would be needed than are taken.
-_MOVES = 4  # To frequencies at which the loop of a level is higher; one or two do.
-_WANTED = 1e-6  # Share by which more parts raise the gain at most where no more are taken (a choice).
-# Of a sample, in the order tried: what is lost falls with their fourth power, and vibrations that are faster show in more.
-_PARTS = (4, 16, 64, 192)
+_APART = 3e-6  # of a level: how far from where the norm is expected levels on both sides are tried, of CERTIFIED
+_FARTHER = 5.0  # times as far, where rounding hides the level (a choice)
+_FAR = 100.0  # times a level that is reached, before one is known that is not (a choice)
+_LEVELS = 60  # tried at most: some six do, and one more for two decades between the unit and the norm
 
 
 @one_blas_thread
@@ -82,8 +77,8 @@ def sampled_data_norm(
     Returns
     -------
     NormBounds
-        A gain that sinusoids reach, a level that is proved, and the frequency of the former up to whole sampling rates
-        [rad/s].  Infinite if the loop is not stable.
+        A level that is reached, one that is not, and the frequency of the former up to whole sampling rates [rad/s].
+        Infinite if the loop is not stable.
 
     Raises
     ------
@@ -153,7 +148,8 @@ class _Step:
         LinAlgError
             The level can be reached within the two.
         """
-        L = _root(self.W)
+        values, vectors = linalg.eigh(self.W)
+        L = vectors * np.sqrt(np.maximum(values, 0.0))
         inner = np.eye(L.shape[1]) - L.T @ other.X @ L
         factor = linalg.cho_factor(0.5 * (inner + inner.T))
         # x1 = (I - W1 X2)^-1 (Phi1 x + W1 Phi2^T p), with (I - W1 X2)^-1 = I + L inner^-1 L^T X2
@@ -162,12 +158,6 @@ class _Step:
         W = other.W + other.Phi @ spread @ other.Phi.T
         X = self.X + self.Phi.T @ (other.X + other.X @ spread @ other.X) @ self.Phi
         return _Step(other.Phi @ reach, 0.5 * (W + W.T), 0.5 * (X + X.T))
-
-
-def _root(matrix: Array) -> Array:
-    """Return ``L`` with ``L L^T`` the positive semidefinite matrix given."""
-    values, vectors = linalg.eigh(matrix)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _step(system: Lti, duration: float, level: float) -> _Step:
@@ -194,11 +184,7 @@ def _step(system: Lti, duration: float, level: float) -> _Step:
         raise ValueError(
             f"plant: expected poles below {2.0**_DOUBLINGS:.0e} times the sampling rate; choose other units"
         )
-    short = np.ldexp(H * duration, -count)
-    term = E = np.eye(2 * n)
-    for k in range(1, _TERMS + 1):
-        term = term @ short / k
-        E = E + term
+    E = linalg.expm(np.ldexp(H * duration, -count))
     back = linalg.inv(E[n:, n:])
     W, X = E[:n, n:] @ back, -back @ E[n:, :n]
     result = _Step(back.T, 0.5 * (W + W.T), 0.5 * (X + X.T))
@@ -213,39 +199,33 @@ class SampledLoop:
 
     Attributes
     ----------
-    plant : Lti
-        The plant in continuous time, balanced: its last inputs are the controls, its last outputs are read.
     controller : Lti
     parts : tuple of (float, Lti)
         The one or two parts of a sample between changes of the controls: how long each is [s], and the plant in it, from
         disturbances to what is shown.  Its states are the plant's, and the controls before and after they change, of which
         one acts.
     queue : Lti
-        The plant from sample to sample.
+        The plant and its queue of controls from sample to sample, from the controls to what is read.
     from_states, from_given : ndarray
         The plant's state at a sample, its controls before and after they change: of all states, and of what is given.
-    at_samples : Lti
-        The closed loop from sample to sample.
     """
 
-    plant: Lti
     controller: Lti
     parts: tuple[tuple[float, Lti], ...]
     queue: Lti
     from_states: Array
     from_given: Array
-    at_samples: Lti
 
     @classmethod
     def of(cls, P: Lti, K: Lti, delay: float) -> "SampledLoop":
-        dt, n, m = K.dt, len(P.A), len(K.C)
+        dt, n, m, scale = K.dt, len(P.A), len(K.C), signal_scales(P.A, P.B, P.C)
+        P = replace(P, A=P.A / scale[:, None] * scale, B=P.B / scale[:, None], C=P.C * scale)
         late, nw, nz = whole_samples(delay, dt), P.B.shape[1] - m, len(P.C) - K.B.shape[1]
         acting = range(nw, nw + m)
         held = Held.of(P, acting, [late] * m)
         queue = held.sampled(dt)
         given = np.vstack([np.zeros((n + m, m)), held.direct[nw:, nw:]])
         states = np.vstack([np.eye(n, len(queue.A)), held.before[nw:], held.after[nw:]])
-        closed = lower_lft(queue.between(acting, range(nz, len(P.C))), K)
         parts = []
         for duration, at in ((late[1], slice(n, n + m)), (dt - late[1], slice(n + m, n + 2 * m))):
             if duration > 0.0:
@@ -253,21 +233,12 @@ class SampledLoop:
                 A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, nw:], P.C[:nz], P.D[:nz, nw:]
                 B = np.vstack([P.B[:, :nw], np.zeros((2 * m, nw))])
                 parts.append((duration, Lti(A, B, C, P.D[:nz, :nw])))
-        return cls(P, K, tuple(parts), queue, states, given, closed)
+        return cls(replace(K, state_labels=()), tuple(parts), queue.between(acting, range(nz, len(P.C))), states, given)
 
-    def _closed(self, A: Array, B: Array, entering: Array, leaving: Array) -> Lti:
-        """Return the loop from sample to sample, with other matrices of the queue, and other signals.
-
-        ``entering`` are the columns by which they move the plant's state, ``leaving`` the rows by which they are read off it
-        and off its controls before and after these change.
-        """
-        K, (n, inputs) = self.controller, entering.shape
-        read = slice(-K.B.shape[1], None)
-        driving = np.vstack([entering, np.zeros((len(A) - n, inputs))])
-        C = np.vstack([leaving @ self.from_states, self.queue.C[read]])
-        given = np.vstack([leaving @ self.from_given, self.queue.D[read, -len(K.C) :]])
-        D = np.hstack([np.zeros((len(C), inputs)), given])
-        return lower_lft(Lti(A, np.hstack([driving, B]), C, D, dt=K.dt), replace(K, state_labels=()))
+    @property
+    def at_samples(self) -> Lti:
+        """The closed loop from sample to sample."""
+        return lower_lft(self.queue, self.controller)
 
     def of_level(self, level: float) -> NormBounds:
         """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop.
@@ -275,93 +246,45 @@ class SampledLoop:
         Its states are those of ``at_samples``.  Signals are in units in which the level is one.  Where the level can be
         gained within a sample there is no such loop; below the norm it need not be stable.
         """
-        n, unstable = len(self.plant.A), NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
+        unstable = NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
         try:
             total = reduce(_Step.then, [_step(part, duration, level) for duration, part in self.parts])
         except linalg.LinAlgError:  # reached within a sample
             return unstable
-        A, B = self.queue.A.copy(), self.queue.B[:, -len(self.controller.C) :].copy()
-        A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_given
-        result = self._closed(A, B, _root(total.W)[:n], _root(total.X).T)
-        is_stable = (sides(result.poles, self.controller.dt) < 0).all()
-        return matrices_norm(result.balanced()) if is_stable else unstable
+        moving, read = square_root(total.W), square_root(total.X).T
+        n, inputs, Phi = len(self.from_given) - 2 * len(self.controller.C), moving.shape[1], total.Phi
+        A, B, C = self.queue.A.copy(), self.queue.B.copy(), np.vstack([read @ self.from_states, self.queue.C])
+        A[:n], B[:n] = Phi[:n] @ self.from_states, Phi[:n] @ self.from_given
+        B = np.hstack([np.pad(moving[:n], ((0, len(A) - n), (0, 0))), B])
+        D = np.pad(np.vstack([read @ self.from_given, self.queue.D]), ((0, 0), (inputs, 0)))
+        loop = lower_lft(Lti(A, B, C, D, dt=self.queue.dt), self.controller).balanced()
+        _ = loop.eigensystem  # of which the norm asks, too
+        return matrices_norm(loop) if (sides(loop.poles, loop.dt) < 0).all() else unstable
 
     def norm(self) -> NormBounds:
-        """Return the norm between two bounds: the largest gain that is reached, and a level just above it that is not."""
-        rates, top = self.at_samples.rates, self.at_samples.nyquist
-        rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > _SLOWEST * top)]
-        low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
-        grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
-        lower, omega, lifted = 0.0, 0.0, cache(self.lifted)
-        for parts in _PARTS[:2]:
-            _, at = highest_peak(partial(_gain, *lifted(parts)), grid)
-            for _ in range(_MOVES):
-                lower, omega = max((lower, omega), (_reached(lifted, at), at))
-                if lower == 0.0:
-                    return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
-                result, upper = self.of_level(lower * (1.0 + _ABOVE)), lower * (1.0 + _ABOVE)
-                if result.upper_bound < 1.0:
-                    return NormBounds(lower, upper, omega, LIFTED, verified=result.verified and agree(lower, upper))
-                if not np.isfinite(result.lower_bound):
-                    break
-                at = result.peak_omega
-        for above in _FAR_ABOVE:
-            if self.of_level(lower * (1.0 + above)).upper_bound < 1.0:
-                return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
-        return NormBounds(lower, inf, omega, NOT_TOLD)
+        """Return the norm between two levels, of which the loop of one reaches one and that of the other does not.
 
-    def lifted(self, parts: int) -> tuple[Lti, Array]:
-        """Return the loop for disturbances that are straight in each part of a sample, and the energy of its outputs.
-
-        In a part the disturbances are ``c + sqrt(3) s d``, ``s`` from -1 to 1, of the energy ``|c|^2 + |d|^2`` times its
-        length.  The loop leads from all ``c`` and ``d`` to what there is at the sample; the energy is a form in both.
+        The inverse of the norm of a level's loop is nearly proportional to the level: secants find where it is one.
         """
-        m, n, (ends, nw) = len(self.controller.C), len(self.plant.A), self.parts[0][1].B.shape
-        counts = [int(np.ceil(parts * duration / self.controller.dt)) for duration, _ in self.parts]
-        size, own = ends + 2 * nw * sum(counts), ends
-        # of what there is at the sample, and all parts' c, d
-        reach, energy = np.eye(ends, size), np.zeros((size, size))
-        none, unit = np.zeros((nw, ends)), np.eye(nw)
-        for (duration, part), count in zip(self.parts, counts, strict=True):
-            h = duration / count
-            # the states of the part, the disturbance, and its slope; these at the beginning, of c and d
-            F = blocks([[part.A, part.B, none.T], [none, 0.0 * unit, unit / h], [none, 0.0 * unit, 0.0 * unit]])
-            moved, gramian = _moved_and_energy(F, np.hstack([part.C, part.D, 0.0 * part.D]), h)
-            begun = linalg.block_diag(np.eye(ends), np.kron([[1.0, -(3.0**0.5)], [0.0, 2.0 * 3.0**0.5]], unit) / h**0.5)
-            moved, gramian = moved[:ends] @ begun, begun.T @ gramian @ begun
-            for _ in range(count):
-                here = np.vstack([reach, np.eye(2 * nw, size, own)])
-                energy += here.T @ gramian @ here
-                reach, own = moved @ here, own + 2 * nw
-        closed = self._closed(self.queue.A, self.queue.B[:, -m:], reach[:n, ends:], np.eye(ends))
-        return closed.balanced(), energy
-
-
-def _gain(lifted: Lti, energy: Array, omega: Array) -> Array:
-    """Return the largest gains of disturbances that turn by ``omega dt`` from sample to sample."""
-    start, size = lifted.response(omega, quiet=True).transpose(2, 0, 1), lifted.B.shape[1]
-    whole = np.concatenate([start, np.broadcast_to(np.eye(size), (len(omega), size, size))], axis=1)
-    values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
-    return np.sqrt(np.maximum(values, 0.0))
-
-
-def _reached(lifted: Callable[[int], tuple[Lti, Array]], omega: float) -> float:
-    """Return the largest gain that is reached at a frequency."""
-    best = 0.0
-    for parts in _PARTS:
-        before, best = best, max(best, float(_gain(*lifted(parts), np.array([omega]))[0]))
-        if best <= before * (1.0 + _WANTED):
-            break
-    return best
-
-
-def _moved_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array]:
-    """Return ``exp(F h)`` and the integral of ``exp(F^T t) C^T C exp(F t)`` over ``h``: of a short step, then doubled."""
-    n = len(F)
-    count = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(F, 2)) * duration / _SMALL, 1.0)))))
-    upper = linalg.expm(np.ldexp(blocks([[-F.T, C.T @ C], [np.zeros((n, n)), F]]) * duration, -count))
-    moved = upper[n:, n:]
-    energy = moved.T @ upper[:n, n:]
-    for _ in range(count):
-        energy, moved = energy + moved.T @ energy @ moved, moved @ moved
-    return moved, 0.5 * (energy + energy.T)
+        low, high, omega, apart = 0.0, inf, 0.0, _APART
+        before, level = (0.0, 0.0), 1.0
+        for _ in range(_LEVELS):
+            found = self.of_level(level)
+            if found.upper_bound == 0.0:
+                return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
+            if found.upper_bound < 1.0:
+                high = level
+            elif found.lower_bound >= 1.0:
+                low, omega = level, found.peak_omega
+            elif before[1] > 0.0:  # rounding keeps levels beside the norm from being told
+                apart *= _FARTHER
+            if high <= low * (1.0 + 3.0 * apart):
+                return NormBounds(low, high, omega, LIFTED, verified=agree(low, high))
+            (last, below), inverse = before, 1.0 / max(found.lower_bound, TINY)
+            root = level + (1.0 - inverse) * (level - last) / (inverse - below) if inverse != below else _FAR * level
+            before = (level, inverse)
+            if not low < root < high:
+                root = (low * high) ** 0.5 if 0.0 < low < high < inf else _FAR * low or high / _FAR
+            across = 1.0 - apart if high - root < root - low else 1.0 + apart
+            level = min(max(root * across, low * (1.0 + apart)), high * (1.0 - apart))
+        return NormBounds(low, high, omega, NOT_TOLD)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.claim import Claim
-from boomctl.analysis.model_norm import SplitModel
-from boomctl.analysis.norm import UNSTABLE, NormBounds, matrices_norm, norm_of_data
+from boomctl.analysis.model_norm import SplitModel, norm_of
+from boomctl.analysis.norm import UNSTABLE, NormBounds
 from boomctl.arrays import Array
 from boomctl.checks import exactly, frequencies, known, mapping, names, up_to
 from boomctl.lti.frequency import NARROWEST, Resonances, singular_values
@@ -25,7 +25,6 @@ from boomctl.lti.system import Lti, is_frequency_response, of
 from boomctl.printing import between, listed
 from boomctl.progress import computing, tell
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.poles import first_order_poles
 from boomctl.threads import one_blas_thread
 from boomctl.units import gain_unit
 
@@ -38,7 +37,6 @@ Signals: TypeAlias = str | Sequence[str] | None  # names, None for all
 
 _Key = TypeVar("_Key")
 _EXPECTED = "SecondOrderModel, StateSpace or FrequencyResponseData"
-_PRINTED = 100  # coordinates up to which printing waits for the poles: tens of milliseconds (measured)
 _BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
 
 
@@ -82,66 +80,60 @@ class SelectedSystem:
             result = cls(system[list(outs), list(ins)], np.asarray(system.omega, dtype=float))
             _ = result.norm  # raises for data that are not finite
             return result
-        chosen = between_signals(system, inputs, outputs)
-        if grid is None:
-            return cls(chosen)
-        high, top = float(grid.max()), _nyquist(chosen)
+        result = cls(between_signals(system, inputs, outputs), grid, unit)
+        top, high = result.nyquist, 0.0 if grid is None else float(grid.max())
         if high > top * (1.0 + ALIKE):
             said = f"{up_to(top / scale)} {unit}, got {exactly(high / scale)} {unit}"
             raise ValueError(f"{name}: expected at most half the sampling rate, {said}")
-        return cls(chosen, np.minimum(grid, top), unit)
-
-    @property
-    def split(self) -> SplitModel:
-        """The structure with its halves."""
-        return SplitModel.of(self.chosen)
+        return result if grid is None else replace(result, omega=np.minimum(grid, top))
 
     @property
     def labels(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Names of inputs and outputs."""
         return tuple(self.chosen.input_labels), tuple(self.chosen.output_labels)
 
+    @property
+    def _split(self) -> SplitModel | None:
+        """A structure with its halves."""
+        return SplitModel.of(self.chosen) if isinstance(self.chosen, SecondOrderModel) else None
+
     def response(self, omega: Array, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); ``quiet`` as in :meth:`Lti.response`."""
+        if split := self._split:
+            return split.response(omega)
         if isinstance(self.chosen, Lti):
             return self.chosen.response(omega, quiet=quiet)
-        if isinstance(self.chosen, SecondOrderModel):
-            return self.split.response(omega)
         return np.asarray(self.chosen.frdata)
 
     def singular_values(self, omega: Array, quiet: bool = False) -> Array:
         """Return the singular values, descending; ``quiet`` as in :meth:`Lti.response`."""
-        if isinstance(self.chosen, SecondOrderModel):
-            return self.split.singular_values(omega)
-        return singular_values(self.response(omega, quiet))
+        split = self._split
+        return singular_values(self.response(omega, quiet)) if split is None else split.singular_values(omega)
+
+    @property
+    def nyquist(self) -> float:
+        """The highest frequency there is [rad/s]."""
+        return self.chosen.nyquist if isinstance(self.chosen, Lti) else inf
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
-        if isinstance(self.chosen, Lti):
-            return Resonances.of_system(self.chosen, high)
-        return self.split.resonances(high)
+        split = self._split
+        return Resonances.of_system(self.chosen, high) if split is None else split.resonances(high)
 
     @cached_property
     @one_blas_thread
     def norm(self) -> NormBounds:
         """The H-infinity norm."""
-        if isinstance(self.chosen, Lti):
-            return replace(matrices_norm(self.chosen), _given=self.chosen)
-        if isinstance(self.chosen, SecondOrderModel):
-            return self.split.norm()
-        return norm_of_data(np.asarray(self.chosen.omega, dtype=float), np.asarray(self.chosen.frdata))
+        return norm_of(self.chosen)
 
     @property
-    def unstable(self) -> bool | None:
-        """Whether the system has an unstable pole; None if only its norm can tell, as of data or of a large model."""
-        given = self.chosen
-        if "norm" in self.__dict__:
+    def unstable(self) -> bool:
+        """Whether the system has an unstable pole, as far as data tell."""
+        if "norm" in self.__dict__ or is_frequency_response(self.chosen):
             return self.norm.method == UNSTABLE
-        if isinstance(given, Lti):
-            return bool((sides(given.poles, given.dt) > 0).any())
-        if not isinstance(given, SecondOrderModel) or given.ncoordinates > _PRINTED:
-            return None
-        return bool((side_of_axis(first_order_poles(given.M, given.C, given.K)) > 0).any())
+        split = self._split
+        side = sides(self.chosen.poles, self.chosen.dt) if split is None else side_of_axis(split.poles)
+        return bool((side > 0).any())
 
 
 def between_signals(
@@ -156,10 +148,6 @@ def between_signals(
         if not there:
             raise ValueError(f"system: expected a system with {kind}, got none")
     return result
-
-
-def _nyquist(chosen: SecondOrderModel | Lti) -> float:
-    return chosen.nyquist if isinstance(chosen, Lti) else inf
 
 
 NO_SINES = "unstable: these are no responses to sines, which would grow without bound"
@@ -184,9 +172,6 @@ class SigmaResult:
         Whether an independent computation confirms ``peak``, and whether it is proved; see `NormBounds`.
     frequency_unit : str
         Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
-    magnitude_unit : str
-        Unit of the singular values of a structural model, such as "m/N", or "m or rad per N" where signals differ; empty
-        where it is not known, as of a ``StateSpace``.
     """
 
     omega: Array
@@ -195,7 +180,15 @@ class SigmaResult:
     output_labels: tuple[str, ...]
     _of: SelectedSystem
     frequency_unit: str = "Hz"
-    magnitude_unit: str = ""
+
+    @property
+    def magnitude_unit(self) -> str:
+        """Unit of the singular values of a structural model, such as "m/N"; empty where it is not known.
+
+        It is "m or rad per N" where signals differ.  That of a ``StateSpace`` is not known.
+        """
+        chosen = self._of.chosen
+        return gain_unit(chosen.units, *self._of.labels) if isinstance(chosen, SecondOrderModel) else ""
 
     @property
     def certificate(self) -> NormBounds:
@@ -215,8 +208,7 @@ class SigmaResult:
     @property
     def stable(self) -> bool:
         """Whether no pole is unstable: otherwise no response to a sine is as large as its singular value."""
-        unstable = self._of.unstable
-        return self.certificate.method != UNSTABLE if unstable is None else not unstable
+        return not self._of.unstable
 
     def __claims__(self) -> Iterator[Claim]:
         """Yield what can be proved of the peak."""
@@ -327,9 +319,7 @@ def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]
     for name, selected in systems.items():
         omega = grid if selected.omega is None else selected.omega
         values = finite(omega, selected.singular_values(omega, quiet=selected.omega is None))
-        units = getattr(selected.chosen, "units", None)
-        unit = "" if units is None else gain_unit(units, *selected.labels)
-        result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit, unit)
+        result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit)
     return result
 
 
@@ -341,13 +331,10 @@ def _common_grid(systems: Sequence[SelectedSystem]) -> Array:
         tell("resonances")
         bands = [selected.resonances() for selected in systems]
         low, high = min(band.low for band in bands), max(band.high for band in bands)
-        poles = [
-            band.poles if band.high == high else selected.resonances(high).poles
-            for selected, band in zip(systems, bands, strict=True)
-        ]
+        poles = [selected.resonances(high).poles for selected in systems]
         grid = drawn_grid(Resonances(np.concatenate(poles), low, high), peaks)
         tell(f"{len(grid)} frequencies")
-    return grid[grid <= min(_nyquist(selected.chosen) for selected in systems)]
+    return grid[grid <= min(selected.nyquist for selected in systems)]
 
 
 def finite(omega: Array, values: Array) -> Array:

@@ -71,15 +71,11 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
         coefficients = tuple((power, wider(slope)) for power, slope in plant.coefficients)
         return replace(plant, nominal=center, coefficients=coefficients)
     given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
-    name = getattr(plant, "name", None)
-    return _with_state_outputs(given).statespace(name if isinstance(name, str) else "plant")
-
-
-def _with_state_outputs(plant: Lti) -> Lti:
-    plain, n = plant.without_dots(), len(plant.A)
-    labels, rows = _joined(plant, plain.output_labels, np.hstack([plain.C, plain.D]), np.eye(n, n + plain.B.shape[1]))
+    plain, n = given.without_dots(), len(given.A)
+    labels, rows = _joined(given, plain.output_labels, np.hstack([plain.C, plain.D]), np.eye(n, n + plain.B.shape[1]))
     C, D = np.hsplit(rows, [n])
-    return replace(plain, C=C, D=D, output_labels=labels)
+    name = getattr(plant, "name", None)
+    return replace(plain, C=C, D=D, output_labels=labels).statespace(name if isinstance(name, str) else "plant")
 
 
 def _joined(plant: Lti, outputs: tuple[str, ...], read: Array, states: Array) -> tuple[tuple[str, ...], Array]:

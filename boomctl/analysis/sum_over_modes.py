@@ -11,7 +11,7 @@ from math import inf
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from boomctl.arrays import Array, squared
+from boomctl.arrays import squared
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import CANCELLED, EPS, TINY
@@ -27,9 +27,8 @@ _AROUND = np.array([-5.0, 0.0, 5.0])  # around each mode, in half-widths of its 
 # room for ``2 h^2``, what the tangent and the rest take, where ``h < x/2``: each is nearly twice as wide as the one before
 _BESIDE = np.append(7e-4 * 1.9 ** np.arange(13), [3.5, 13.0, 90.0])
 _CLOSE = np.concatenate([-_BESIDE[::-1], _BESIDE])
-_SPLIT = 8  # parts of a cell at most
+_PARTS = np.arange(4) / 3.0  # ends of the parts of a cell that says nothing (a choice)
 _EVALUATED = 16  # roundings of a term of the sum, besides one for each term that is added
-_OF_TOP = 30.0  # cells that the top of a resonance takes at most: those beside it are twice as wide as the ones before
 _CELLS, _CELLS_OF_MODE = 400, 10  # tried at most, and for each mode: more cost as much as another proof (measured)
 # entries of the response for each mode, of which more take longer than another proof (measured: four half as long to a fifth
 # longer, ten a third longer, twenty twice as long, fifty three times)
@@ -107,21 +106,23 @@ def bounds(given: System) -> Bounded:
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")  # of squares that are no numbers
-def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Array]:
-    """Return whether the sum over modes that decay stays below a level at all frequencies, and some around where it does not.
+def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
+    """Return whether the sum over modes that decay stays below a level at all frequencies; False where that takes too long.
 
-    Neither, where that takes too long.  The axis is cut into cells; ``at`` lies near the highest resonance.  In a cell
+    The axis is cut into cells; ``at`` lies near the highest resonance.  In a cell
     around ``m`` the sum is ``S(m) + x S'(m)``, whose norm is largest at one of the ends ``x = -h, h``, but for
     ``h^2 sum_k |R_k|/d_k^3``, with ``d_k`` the distance of the pole ``k`` from the cell and ``R_k`` its residue.
     """
     if modes.D.size > _ENTRIES * len(modes.poles):
-        return False, np.zeros(0)
+        return False
     poles, terms, D = modes.poles[:, None], modes.terms / level, modes.D.reshape(-1, 1) / level
     decay, swing, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
-    size, lost = _sizes(terms, decay)
+    largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), TINY)  # its square may be no number
+    size = largest * np.sqrt(squared(terms / largest[:, None]).sum(axis=1))
+    lost = (len(decay) + _EVALUATED) * EPS * float((size / decay).sum())  # of the sum, by rounding
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
     if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= 1.0:  # above the fastest
-        return False, np.zeros(0)
+        return False
     upper = swing >= 0.0
     spread = slowest * (fastest / slowest) ** (np.arange(_SPREAD) / (_SPREAD - 1.0))
     around = swing[upper, None] + decay[upper, None] * _AROUND
@@ -141,7 +142,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
         sides = np.sqrt(squared(S).sum(axis=0) + squared(slope).sum(axis=0) + 2.0 * turned)
         most = sides + rest
         if not np.isfinite(most).all():
-            return False, np.zeros(0)
+            return False
         open_ = (most > 1.0).nonzero()[0]
         # the root of the sum of all squares is more than the largest value: where it says nothing that is looked at
         over = open_[sides[open_] > 1.0] if min(modes.D.shape) > 1 else open_[:0]
@@ -151,26 +152,11 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> tuple[bool, Arra
             most[over] = singular_values(ended)[0].reshape(2, -1).max(axis=0) + rest[over]
             open_ = open_[most[open_] > 1.0]
         if not len(open_):
-            return True, np.zeros(0)
-        there = np.sqrt(squared(S[:, open_]).sum(axis=0))
-        over = there >= 1.0
-        if over.any():
-            there[over] = singular_values(S[:, open_[over]].reshape(*modes.D.shape, -1))[0]
+            return True
+        there = singular_values(S[:, open_].reshape(*modes.D.shape, -1))[0]
         if there.max() >= 1.0:
-            highest = open_[there.argmax()]
-            return False, np.array([low[highest], m[highest], high[highest]])
-        needed = np.sqrt((most[open_] - there) / (1.0 - there))
-        if np.minimum(needed, _OF_TOP).sum() > left:  # most of them are flat
-            return False, np.zeros(0)
-        parts = int(min(needed.max() + 2.0, _SPLIT))
-        ends = low[open_, None] + 2.0 * h[open_, None] * (np.arange(parts + 1) / parts)
+            return False
+        ends = low[open_, None] + 2.0 * h[open_, None] * _PARTS
         ends[:, -1] = high[open_]
         low, high = ends[:, :-1].ravel(), ends[:, 1:].ravel()
-    return False, np.zeros(0)
-
-
-def _sizes(terms: Array, decay: Array) -> tuple[Array, float]:
-    """Return the sizes of residues, and how much of their sum may be rounding."""
-    largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), TINY)  # its square may be no number
-    size = largest * np.sqrt(squared(terms / largest[:, None]).sum(axis=1))
-    return size, (len(decay) + _EVALUATED) * EPS * float((size / decay).sum())
+    return False

@@ -76,8 +76,17 @@ def test_the_norm_at_half_the_sampling_rate_is_attained_though_eigenvectors_are_
         assert found.lower_bound <= gains(system, np.array([found.peak_omega]))[0] * (1.0 + 1e-12)
 
 
+ON_CIRCLE = control.ss([[1.0]], [[1.0]], [[1.0]], 0.0, 0.1)
+STATIC = control.ss([], [], [], [[3.0, 4.0]], 0.1)
+
+
+def delays(through):
+    """Return five samples of delay beside a direct way."""
+    return control.ss(np.eye(5, k=1), np.eye(5)[:, 4:], np.eye(5)[:1], through, 0.1)
+
+
 def test_poles_on_the_circle_count_if_they_show():
-    assert hinf_norm(control.ss([[1.0]], [[1.0]], [[1.0]], 0.0, 0.1)).lower_bound == np.inf
+    assert hinf_norm(ON_CIRCLE).lower_bound == h2_norm(ON_CIRCLE).value == np.inf
     at_the_end = hinf_norm(control.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, 0.1))
     assert (at_the_end.lower_bound, at_the_end.method) == (np.inf, "a pole on the unit circle")
     assert at_the_end.peak_omega == pytest.approx(np.pi / 0.1)
@@ -85,19 +94,15 @@ def test_poles_on_the_circle_count_if_they_show():
     hidden = control.ss(np.diag([0.5, -1.0]), [[1.0], [0.0]], [[1.0, 1.0]], 0.0, 0.1)
     assert hinf_norm(hidden).lower_bound == pytest.approx(2.0)
     assert hinf_norm(hidden).certified
-    chain = control.ss(np.eye(5, k=1), np.eye(5)[:, 4:], np.eye(5)[:1], 0.0, 0.1)
-    assert hinf_norm(chain).lower_bound == pytest.approx(1.0)
-    assert hinf_norm(control.ss([], [], [], [[3.0, 4.0]], 0.1)).lower_bound == pytest.approx(5.0)
+    assert h2_norm(hidden).value == pytest.approx(np.sqrt(1.0 / 0.75))
 
 
-def test_the_h2_norm_is_infinite_with_a_pole_on_the_circle_that_shows():
-    assert h2_norm(control.ss([[1.0]], [[1.0]], [[1.0]], 0.0, 0.1)).value == np.inf
-    assert h2_norm(control.ss(np.diag([0.5, 1.0]), [[1.0], [1.0]], [[1.0, 0.0]], 0.0, 0.1)).value == pytest.approx(
-        np.sqrt(1.0 / 0.75)
-    )
-    assert h2_norm(control.ss([], [], [], [[3.0, 4.0]], 0.1)).value == pytest.approx(5.0)
+def test_norms_of_static_gains_and_delays_are_closed_forms():
+    assert hinf_norm(STATIC).lower_bound == pytest.approx(5.0)
+    assert h2_norm(STATIC).value == pytest.approx(5.0)
     assert h2_norm(control.ss([[0.5]], [[0.0]], [[1.0]], [[2.0]], 0.1)).value == pytest.approx(2.0)
-    assert h2_norm(control.ss(np.eye(5, k=1), np.eye(5)[:, 4:], np.eye(5)[:1], 2.0, 0.1)).value == pytest.approx(5**0.5)
+    assert hinf_norm(delays(0.0)).lower_bound == pytest.approx(1.0)
+    assert h2_norm(delays(2.0)).value == pytest.approx(5**0.5)
 
 
 @examples(60)

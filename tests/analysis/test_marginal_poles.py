@@ -161,3 +161,13 @@ def test_discs_around_poles_say_that_one_grows_where_it_does_and_nowhere_else(se
     told = bounds(system).unstable
     assert growth > 0.0 or not told
     assert told or growth < 1e-9
+
+
+def test_of_many_states_a_mode_on_the_axis_counts_though_a_slower_one_does_not_show():
+    """Above the states that exact arithmetic takes: only the slowest was looked at, and the norm said to be 0."""
+    modes = linalg.block_diag(block(0.0), block(0.0, 3.0), np.diag(-np.arange(1.0, 41.0)))
+    C = np.ones((1, 44))
+    C[0, :2] = 0.0
+    system = control.ss(modes, np.ones((44, 1)), C, 0.0)
+    assert bc.hinf_norm(system).lower_bound == bc.h2_norm(system).value == np.inf
+    assert bc.hinf_norm(system).peak_omega == pytest.approx(3.0)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis import hinf_norm
+from boomctl.analysis import h2_norm, hinf_norm
 from boomctl.analysis.model_norm import SplitModel
 from boomctl.analysis.norm import IN_MODES, NO_CROSSING
 from boomctl.boom import spray_boom
@@ -64,9 +64,9 @@ def test_norms_of_boom_have_default_signals_of_sigma():
     tips = boom.select(["actuator_left", "actuator_right"], ["tip_left", "tip_right"]).to_statespace()
     assert hinf_norm(boom).value == pytest.approx(bc.sigma(boom).peak, rel=1e-9)
     assert hinf_norm(boom).value == pytest.approx(control.linfnorm(tips)[0], rel=1e-6)
-    assert bc.h2_norm(boom).value == pytest.approx(control.norm(tips, 2), rel=1e-6)
+    assert h2_norm(boom).value == pytest.approx(control.norm(tips, 2), rel=1e-6)
     ends = "actuator_left, actuator_right -> tip_left, tip_right"
-    assert all(ends in repr(found) for found in (hinf_norm(boom), bc.h2_norm(boom), bc.sigma(boom), bc.step(boom)))
+    assert all(ends in repr(found) for found in (hinf_norm(boom), h2_norm(boom), bc.sigma(boom), bc.step(boom)))
 
 
 @pytest.mark.parametrize("order", [14, 20])
@@ -96,25 +96,18 @@ def test_a_static_gain_and_a_zero_system_have_norms():
 
 
 def test_the_halves_stand_for_the_whole_only_if_every_signal_has_its_image():
-    model = spray_boom()
-    assert len(SplitModel.of(model.select(ACTUATORS, TIPS)).parts) == 2
-    one = model.select("actuator_left", "tip_left")
+    model = spray_boom(elements=6).select(ACTUATORS, TIPS)
+    both, one = SplitModel.of(model), model.select("actuator_left", "tip_left")
+    assert len(both.parts) == 2
+    assert both.norm().stages == ("halves", "undamped modes", "undamped modes")
     assert SplitModel.of(one).parts == (one,)
-    assert SplitModel.of(one).norm().lower_bound == pytest.approx(hinf_norm(one.to_statespace()).lower_bound, rel=1e-7)
-
-
-def test_the_path_names_what_stood_for_the_structure():
-    small = spray_boom(elements=6).select(ACTUATORS, TIPS)
-    assert SplitModel.of(small).norm().stages == ("halves", "undamped modes", "undamped modes")
-    assert SplitModel.of(small.select("actuator_left", "tip_left")).norm().stages == ("undamped modes",)
+    assert SplitModel.of(one).norm().stages == ("undamped modes",)
+    system = hinf_norm(one.to_statespace())
+    assert SplitModel.of(one).norm().lower_bound == pytest.approx(system.lower_bound, rel=1e-7)
+    assert system.stages == ()
     pushed = SecondOrderModel(np.eye(2), 0.3 * np.eye(2), [[4.0, 1.0], [0.0, 9.0]], {"f": [1, 0]}, {"y": [0, 1]})
     assert SplitModel.of(pushed).norm().stages == ("given coordinates",)
-    assert hinf_norm(small.to_statespace()).stages == ()
-
-
-def test_halves_of_which_none_has_inputs_and_outputs_do_not_respond():
-    model = spray_boom(elements=6).select(ACTUATORS, TIPS)
-    none = SplitModel(model, ())
+    none = SplitModel(model, ())  # halves of which none has inputs and outputs
     assert none.norm().upper_bound == 0.0
     assert np.array_equal(none.singular_values(np.array([1.0, 2.0])), np.zeros((2, 2)))
     assert len(none.resonances().poles) == 0
@@ -134,6 +127,25 @@ def test_a_half_just_below_the_other_is_searched_and_the_larger_one_found():
         assert found.lower_bound == pytest.approx(expected, rel=1e-12)
         assert found.certified
         assert SplitModel(model, parts[::-1]).norm().lower_bound == pytest.approx(found.lower_bound, rel=1e-14)
+
+
+@given(st.floats(1e-6, 0.9), st.floats(0.1, 100.0))
+def test_h2_norm_of_an_oscillator_is_its_closed_form(zeta, omega):
+    model = SecondOrderModel([[1.0]], [[2 * zeta * omega]], [[omega**2]], {"f": [1.0]}, {"y": [1.0]})
+    found = h2_norm(model)
+    assert found.certified
+    assert found.value == pytest.approx(1.0 / np.sqrt(4.0 * zeta * omega**3), rel=1e-8)
+    assert found.lower_bound <= found.value <= found.upper_bound
+
+
+def test_h2_norm_is_infinite_for_reasons_it_names():
+    through = control.ss([[-1.0]], [[1.0]], [[1.0]], [[2.0]], inputs=["f"], outputs=["y"])
+    assert h2_norm(through).value == np.inf
+    assert "feedthrough to 'y' from 'f'" in h2_norm(through).method
+    assert "unstable pole at 1" in h2_norm(control.ss([[1.0]], [[1.0]], [[1.0]], 0.0)).method
+    undamped = SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]})
+    assert "axis at 0+2j rad/s" in h2_norm(undamped).method
+    assert "unstable pole at 2" in h2_norm(control.ss(2.0, 1.0, 1.0, 1.0)).method  # before its feedthrough
 
 
 @pytest.mark.slow

@@ -51,11 +51,12 @@ def unmodelled(bound):
     return bc.robust_stability(family(), gain([[-0.2]]), additive_uncertainty=bound)
 
 
+def yaw_family(**given):
+    return bc.boom_family(subsystem="yaw", **given)
+
+
 REFUSED = [
-    (
-        lambda: bc.sigma(DISCRETE, frequency_hz=[6.0]),
-        "frequency_hz: expected at most half the sampling rate, .* Hz, got",
-    ),
+    (lambda: bc.sigma(DISCRETE, frequency_hz=[6.0]), "frequency_hz: expected at most half .* Hz, got"),
     (lambda: bc.bode(DISCRETE, [40.0]), "half the sampling rate"),
     (lambda: compare_sigma({"a": PLANT, "b": DISCRETE}, [100.0]), r"systems\['b'\]: omega: expected at most half"),
     (lambda: bc.h2_norm(siso(0.5, dt=True)), "expected continuous time or a sampling time in seconds.*, got dt = True"),
@@ -83,48 +84,27 @@ REFUSED = [
     (lambda: bc.feedback_loop(chain(0), gain([[1.0]], "y9", "u0")), "'y9'"),
     (lambda: bc.feedback_loop(siso(D=2.0), gain([[0.5]]), "u"), "well-posed"),
     (lambda: bc.feedback_loop(PLANT, gain([[0.1]])), "nothing drives the loop"),
-    (
-        lambda: bc.feedback_loop(PLANT, UNTIMED, "u"),
-        "^controller: expected continuous time or a sampling time in seconds",
-    ),
-    (lambda: bc.margins(PLANT, UNTIMED), "^controller: expected continuous time or a sampling time in seconds"),
-    (
-        lambda: bc.feedback_loop(DISCRETE, OTHER, "u"),
-        r"^controller: expected the plant's sampling time, 0.1 s, got 0.2 s",
-    ),
-    (
-        lambda: bc.feedback_loop(DISCRETE, SLOW, "u"),
-        r"^controller: expected the plant's sampling time, 0.1 s, got cont",
-    ),
+    (lambda: bc.feedback_loop(PLANT, UNTIMED, "u"), "^controller: expected .* sampling time in sec"),
+    (lambda: bc.margins(PLANT, UNTIMED), "^controller: expected .* sampling time in sec"),
+    (lambda: bc.feedback_loop(DISCRETE, OTHER, "u"), r"^controller: .* plant's .*, 0.1 s, got 0.2 s"),
+    (lambda: bc.feedback_loop(DISCRETE, SLOW, "u"), r"^controller: .* plant's .*, 0.1 s, got cont"),
     (lambda: bc.feedback_loop(PLANT, SLOW, "u", delay=0.01), r"^delay = 0.01: expected 0 with a controller in cont"),
     (lambda: bc.feedback_loop(DISCRETE, K, "u", delay=0.03), r"^delay = 0.03: expected whole samples of 0.1 s"),
     (lambda: bc.feedback_loop(PLANT, K, "u", delay=500.0), r"^delay = 500: expected at most 1000 samples of 0.1 s"),
     (lambda: closed_loop_response(chain(0).frequency_response, velocity_feedback(0.1)), "omega"),
-    (
-        lambda: bc.margins(PLANT, siso(0.5, 10.0, -1.0, 0.0, 0.1, "y", "u")),
-        r"pole at z = .*, of size 1\.\d+\): it has no",
-    ),
+    (lambda: bc.margins(PLANT, siso(0.5, 10.0, -1.0, 0.0, 0.1, "y", "u")), r"z = .*, of size 1\.\d+\): it"),
     (lambda: mode_table(SecondOrderModel([[1.0]], [[2.0]], [[1.0]], {"f": [1.0]}, {"y": [1.0]})), "chain of equals"),
     (lambda: nyquist_stability(chain(1).frequency_response, STILL, [1j, np.nan]), "poles: expected finite numbers"),
     (lambda: nyquist_stability(chain(1).frequency_response, STILL, [[1j]]), "poles: expected numbers in one dim"),
-    (
-        lambda: bc.analysis.robust_stability_margin(family(), K),
-        r"boomctl.robust_stability and boomctl.worst_case have proofs",
-    ),
+    (lambda: bc.analysis.robust_stability_margin(family(), K), r"robust_stability and .* have proofs"),
     (lambda: bc.analysis.robust_stability_margin(0, K), "^family = 0: expected AffineFamily or PolynomialFamily"),
-    (
-        lambda: bc.robust_stability(family(), SLOW, delay=0.1),
-        r"`delay` must be 0 with a controller in continuous time, got 0\.1 s",
-    ),
+    (lambda: bc.robust_stability(family(), SLOW, delay=0.1), r"`delay` must be 0 .*, got 0\.1 s"),
     (lambda: bc.robust_stability(family(), K, delay=1e4), "at most 1000 samples"),
-    (
-        lambda: bc.robust_stability(bc.boom_family(subsystem="yaw"), gain(0.1, "stroke_anti", "actuator_anti")),
-        "actuator_anti",
-    ),
+    (lambda: bc.robust_stability(yaw_family(), gain(0.1, "stroke_anti", "actuator_anti")), "actuator_anti"),
     (lambda: bc.worst_case(family(), gain([[-0.2]]), injection_points="z"), r"measurement \(injection_points\) 'z'"),
     (
         lambda: bc.robust_stability(family(("u", "u_injected")), gain([[-0.2]]), injection_points="u"),
-        "must result in new names, got 'u_injected'",
+        "new names, got 'u_inj",
     ),
     (lambda: bc.worst_case(family(), gain([[-0.2]]), norm="h3"), "norm"),
     (lambda: bc.worst_case(family(), gain([[-0.2]]), rtol=2.0), "`rtol` must be at most 1, got 2"),
@@ -135,19 +115,10 @@ REFUSED = [
     (lambda: unmodelled(siso(outputs="x")), r"unknown output of additive_uncertainty \(the controller has it\) 'y'"),
     (lambda: unmodelled(siso(1.0)), "`additive_uncertainty` must be stable, got a pole"),
     (lambda: unmodelled(DISCRETE), "additive_uncertainty: expected continuous time"),
-    (
-        lambda: bc.with_state_outputs(bc.boom_family(subsystem="yaw", accelerometer_bandwidth_hz=20.0)),
-        "filter behind 'tip_acc",
-    ),
-    (
-        lambda: bc.with_state_outputs(bc.boom_family(subsystem="yaw", excitation="velocity")),
-        "got an input that is integrated",
-    ),
+    (lambda: bc.with_state_outputs(yaw_family(accelerometer_bandwidth_hz=20.0)), "filter behind 'tip_acc"),
+    (lambda: bc.with_state_outputs(yaw_family(excitation="velocity")), "got an input that is integrated"),
     (lambda: bc.with_state_outputs(double_integrator([[1.0, 0.0]], states=["a.b", "a_b"])), "'a_b' twice"),
-    (
-        lambda: bc.margins(one.yaw(), gain([[-1.0]], "mode1_x1", "suspension_anti")),
-        r"boomctl.with_state_outputs\(plant\)",
-    ),
+    (lambda: bc.margins(one.yaw(), gain([[-1.0]], "mode1_x1", "suspension_anti")), r"with_state_outputs\(plant\)"),
     (lambda: bc.hinf_norm(bc.lqr(PLANT, 1.0, 1.0)), r"got LqrResult; its \.controller is one"),
 ]
 

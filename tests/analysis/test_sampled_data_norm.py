@@ -69,6 +69,15 @@ def test_it_is_where_finer_and_finer_samples_go(seed):
     assert abs(fine - found.lower_bound) <= 0.6 * abs(coarse - found.lower_bound) + 2e-4 * found.lower_bound
 
 
+@pytest.mark.parametrize("norm", [1e-9, 1.0, 1.0 + 1e-6, 1e9])  # one is the level that is tried first
+def test_a_norm_of_any_size_is_verified(norm):
+    plant = control.ss(-1.0, [[norm, 1.0]], [[1.0], [1.0]], 0.0, inputs=["w", "u"], outputs=["z", "y"])
+    nothing = control.ss([], [], [], [[0.0]], _DT, inputs="y", outputs="u")
+    found = bc.analysis.sampled_data_norm(plant, nothing, outputs="z")
+    assert found.verified
+    assert found.lower_bound * (1.0 - 1e-12) <= norm <= found.upper_bound
+
+
 @pytest.mark.slow
 @given(st.integers(0, 10**6))
 @examples(10)

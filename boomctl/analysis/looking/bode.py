@@ -50,10 +50,8 @@ class BodeResult:
     def __repr__(self) -> str:
         span = f"{len(self.omega)} frequencies, {self.omega[0]:.4g} to {self.omega[-1]:.4g} rad/s"
         o, i, k = np.unravel_index(int(np.abs(self.frdata).argmax()), self.frdata.shape)
-        peak = (
-            f"{abs(self.frdata[o, i, k]):.6g} at {self.omega[k]:.6g} rad/s, {self.input_labels[i]} -> "
-            f"{self.output_labels[o]}"
-        )
+        at = f"{self.omega[k]:.6g} rad/s, {self.input_labels[i]} -> {self.output_labels[o]}"
+        peak = f"{abs(self.frdata[o, i, k]):.6g} at {at}"
         span += f"\n  {NO_SINES}" if self._unstable else ""
         return f"BodeResult: {between(self.input_labels, self.output_labels)}\n  {span}\n  largest {peak}"
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -23,9 +22,9 @@ from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
 from boomctl.arrays import Array
 from boomctl.checks import no_signals, nonnegative
 from boomctl.lti.bilinear import continuous_image, omega_of_image
-from boomctl.lti.frequency import smooth_curve
+from boomctl.lti.frequency import DRAWN, smooth_curve
 from boomctl.lti.modal import boundary_sides, diagonalized, sides
-from boomctl.lti.system import Lti, controller_of, of, series, well_posed_inverse
+from boomctl.lti.system import controller_of, of, series, static
 from boomctl.printing import count, listed
 from boomctl.threads import one_blas_thread
 
@@ -66,13 +65,12 @@ class NyquistResult:
     _advice: str = field(default="", repr=False, compare=False)
 
     def __repr__(self) -> str:
-        turns = (
-            f"{self.encirclements} encirclements of -1, {count(self.open_loop_unstable_poles, 'unstable pole')} of "
-            "the open loop"
+        opened, closed = (
+            count(number, "unstable pole")
+            for number in (self.open_loop_unstable_poles, self.closed_loop_unstable_poles)
         )
-        verdict = (
-            "stable" if self.stable else f"{count(self.closed_loop_unstable_poles, 'unstable pole')} of the closed loop"
-        )
+        turns = f"{self.encirclements} encirclements of -1, {opened} of the open loop"
+        verdict = "stable" if self.stable else f"{closed} of the closed loop"
         disk = "" if self.disk_margin is None else f"; disk margin {self.disk_margin.alpha:.4g}"
         advice = f"\n  {self._advice}" if self._advice else ""
         return f"NyquistResult: opened at {listed(self.signals, 60)}\n  {turns}: {verdict}{disk}{advice}"
@@ -157,23 +155,28 @@ def nyquist(
     (True, 60.0)
     """
     no_signals("controller", controller, "a controller")
-    negative = str
     if controller is None:
         if nonnegative("delay", delay):
             raise ValueError(f"delay = {delay!r}: expected 0 without a controller")
-        opened, S, signals = _of_gain(matrices(system, inputs, outputs))
+        P = matrices(system, inputs, outputs)
+        if P.D.shape[0] != P.D.shape[1]:
+            many = f"{len(P.output_labels)} and {len(P.input_labels)}"
+            raise ValueError(f"system: expected as many outputs as inputs, got {many}")
+        K = replace(static(-np.eye(len(P.D)), P.output_labels, P.input_labels), dt=P.dt)
     else:
         P = of(looked_at(system), "plant", sampled=True).select(inputs, outputs)
         K = controller_of(controller, sampled=True, scales=P.scales)
-        opened, S, signals = _of_loop(P, K, delay)
-        negative = partial(sign_advice, P, K, delay)
+    loop, m = joined(P, K, delay), len(K.C)
+    opened, S = series(loop.plant, K).balanced(), loop.sensitivity.between(range(m), range(m))
+    signals = loop.controls if controller is not None else P.output_labels
     if (sides(S.poles, S.dt) == 0).any():
         raise ArithmeticError(
             "encirclements cannot be told: the closed loop has a pole on the boundary of stability, or too close to it"
         )
     unstable, closed = int((boundary_sides(opened) > 0).sum()), int((sides(S.poles, S.dt) > 0).sum())
     image = continuous_image(S)
-    quick, grid = diagonalized(image) or image, np.union1d(grid_of_loop(image), grid_of_loop(continuous_image(opened)))
+    quick = diagonalized(image) or image
+    grid = grid_of_loop(np.append(image.poles, continuous_image(opened).poles), places=DRAWN)
 
     def determinant(omega: Array) -> Array:
         """Return ``det(I + L) - 1``."""
@@ -189,22 +192,5 @@ def nyquist(
         open_loop_unstable_poles=unstable,
         closed_loop_unstable_poles=closed,
         disk_margin=single_disk(S) if len(signals) == 1 and not closed else None,
-        _advice=negative() if closed else "",
+        _advice=sign_advice(P, K, delay) if closed and controller is not None else "",
     )
-
-
-def _of_gain(L: Lti) -> tuple[Lti, Lti, tuple[str, ...]]:
-    """Return a loop's gain, its sensitivity ``(I + L)^-1``, and its signals."""
-    if L.D.shape[0] != L.D.shape[1]:
-        raise ValueError(
-            f"system: expected as many outputs as inputs, got {len(L.output_labels)} and {len(L.input_labels)}"
-        )
-    R = well_posed_inverse(np.eye(len(L.D)) + L.D)
-    return L, replace(L, A=L.A - L.B @ R @ L.C, B=L.B @ R, C=-R @ L.C, D=R).balanced(), L.output_labels
-
-
-def _of_loop(P: Lti, K: Lti, delay: float) -> tuple[Lti, Lti, tuple[str, ...]]:
-    """Return the open loop, the sensitivity at the controls, and these, of ``u = K y``."""
-    loop, m = joined(P, K, delay), len(K.C)
-    L = series(loop.plant, replace(K, C=-K.C, D=-K.D))
-    return L.balanced(), loop.sensitivity.between(range(m), range(m)), loop.controls

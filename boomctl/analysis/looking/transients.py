@@ -214,11 +214,9 @@ def _moved(
     L = given if given.dt else motion_coordinates(given)[0]
     time = _instants(given, timepts)
     (n, m), count, unit = L.B.shape, len(time), np.eye(L.B.shape[1])
-    A = blocks([[L.A, L.B], [np.zeros((m, n)), unit if kind == "step" and L.dt else 0.0 * unit]])
-    if kind == "step" or L.dt:
-        X = np.vstack([0.0 * L.B, unit if kind == "step" else unit / L.dt])
-    else:
-        X = np.vstack([L.B, 0.0 * unit])
+    is_step, at_once = kind == "step", kind == "impulse" and not L.dt
+    A = blocks([[L.A, L.B], [np.zeros((m, n)), unit if is_step and L.dt else 0.0 * unit]])
+    X = np.vstack([L.B * at_once, unit * (1.0 if is_step else 0.0 if at_once else 1.0 / L.dt)])
     with np.errstate(over="ignore", invalid="ignore"):
         Phi = A if L.dt else np.eye(n + m) + matrix_expm1(A * (time[1] - time[0]))
         radius = np.abs(np.linalg.eigvals(Phi[:n, :n])).max(initial=0.0) if np.isfinite(Phi).all() else np.inf
