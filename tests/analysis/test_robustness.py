@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl import gain_schedule
-from boomctl.analysis import robust_stability, robust_stability_margin, worst_case
+from boomctl.analysis import hinf_norm, robust_stability, robust_stability_margin, worst_case
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
 from boomctl.boom import boom_family, yaw_family
@@ -22,10 +22,10 @@ from tests.analysis.loop_cases import chain, velocity_feedback
 from tests.profiles import examples
 
 
-def oscillators(ranges, damper=0.02):
+def oscillators(ranges, damper=0.02, outputs=("y",)):
     def make(values):
         m, c, k = (values.get(name, default) for name, default in (("m", 1.0), ("c", damper), ("k", 4.0)))
-        return SecondOrderModel([[m]], [[c]], [[k]], {"u": [1.0], "w": [1.0]}, {"y": [1.0]})
+        return SecondOrderModel([[m]], [[c]], [[k]], {"u": [1.0], "w": [1.0]}, {name: [1.0] for name in outputs})
 
     return AffineFamily.from_function(ranges, make)
 
@@ -147,7 +147,7 @@ def test_loops_of_a_box_have_poles_of_state_space(make, digits, seed):
     rng = np.random.default_rng(seed)
     family, K = make(rng)
     for delta in rng.uniform(-1.0, 1.0, (3, family.nparameters)):
-        mine = BoxLoops.of(family, K).at(delta).poles
+        mine = BoxLoops.of(family, K).poles(delta)
         true = feedback_loop(family.at(delta), K, injection_points=K.output_labels).poles()
         assert len(mine) == len(true)
         assert (np.abs(mine[:, None] - true).min(axis=0) <= digits * np.abs(true)).all()
@@ -165,7 +165,19 @@ def test_a_scheduled_loop_has_poles_of_the_loop_frozen_at_each_value():
             B, C, D = K.B, (1.0 + 2.0 * share) * K.C, (1.0 + share) * K.D
             frozen = control.ss(K.A, B, C, D, inputs=K.input_labels, outputs=K.output_labels)
             true = feedback_loop(family.at(delta), frozen, injection_points=K.output_labels).poles()
-            assert (np.abs(loops.at(delta).poles[:, None] - true).min(axis=0) <= 1e-7 * np.abs(true)).all()
+            assert (np.abs(loops.poles(delta)[:, None] - true).min(axis=0) <= 1e-7 * np.abs(true)).all()
+
+
+def test_worst_case_of_scheduled_controller_bounds_frozen_loops():
+    family = oscillators({"k": (3.0, 5.0), "c": (0.3, 0.5)}, outputs=("y", "k"))
+    signals = {"inputs": ["k", "y"], "outputs": "u"}
+    laws = [control.ss([[-4.0]], [[0.0, 1.0]], [[gain]], [[0.0, -0.2 * gain]], **signals) for gain in (0.5, 2.0, 0.2)]
+    scheduled = gain_schedule(laws, [3.0, 4.2, 5.0], "k")
+    found = worst_case(family, scheduled, "w", "y")
+    assert found.relative_gap <= 1.001e-3
+    for delta in np.random.default_rng(0).uniform(-1.0, 1.0, (20, 2)):
+        K = scheduled.at(family.denormalize(delta)["k"])
+        assert hinf_norm(feedback_loop(family.at(delta), K)["y", "w"]).lower_bound <= found.upper_bound
 
 
 def test_feedthrough_that_controller_inverts_is_refused():

@@ -1,6 +1,7 @@
 """Worst cases from both sides: bounds that nothing exceeds, near the worst that is found, and said where there are none."""
 
 import warnings
+from dataclasses import replace
 
 import control
 import numpy as np
@@ -8,8 +9,7 @@ import pytest
 from hypothesis import given
 
 import boomctl as bc
-from boomctl.analysis.box.level import DrivenLoops
-from boomctl.lti.system import of
+from boomctl.analysis.box.loops import BoxLoops
 from boomctl.structure import AffineFamily, SecondOrderModel
 from boomctl.structure.matrices import Structure
 from boomctl.structure.ports import Ports
@@ -147,17 +147,33 @@ def loops_with_filters(rng, half):
     return family, K, [f"actuator_{end}"], [f"tip_{end}", f"tip_acceleration_{end}"]
 
 
+def loops_with_feedthrough(rng, half):
+    """Return a family whose outputs feel all inputs at once, and a controller with signals injected at both of its ends."""
+    walls = Walls(rng, int(rng.integers(1, 4)))
+    ports, E = walls.family.nominal.ports, np.zeros((3, 2, 2))
+    E[0] = 0.5 * rng.standard_normal((2, 2))
+    nominal = SecondOrderModel.of(walls.family.nominal.structure, replace(ports, E=E))
+    return replace(walls.family, nominal=nominal), walls.K, ["u_injected", "push", "y_injected"], ["u", "z", "y"]
+
+
 @pytest.mark.parametrize(
-    ("make", "half"), [(loops_with_speeds, None), (loops_with_filters, "jolt"), (loops_with_filters, "yaw")]
+    ("make", "half"),
+    [
+        (loops_with_speeds, None),
+        (loops_with_feedthrough, None),
+        (loops_with_filters, "jolt"),
+        (loops_with_filters, "yaw"),
+    ],
 )
 @examples(40)
 @given(seed=seeds)
 def test_loops_of_the_proof_are_those_closed_by_name(make, half, seed):
     rng = np.random.default_rng(seed)
     family, K, inputs, outputs = make(rng, half)
-    loops = DrivenLoops.of(family, of(K, "K"), inputs, outputs)
+    (loops,) = BoxLoops.of(family, K).parts(inputs, outputs)
+    points = [name.removesuffix("_injected") for name in inputs if name.endswith("_injected")]
     for delta in rng.uniform(-1.0, 1.0, (2, family.nparameters)):
-        closed = bc.synthesis.select_channels(bc.feedback_loop(family.at(delta), K), inputs, outputs)
+        closed = bc.synthesis.select_channels(bc.feedback_loop(family.at(delta), K, points), inputs, outputs)
         for omega in (0.5, 3.0, 20.0, 150.0):
             wanted = closed(1j * omega, squeeze=False)
             here = loops.at(delta).response(np.array([omega]))[:, :, 0]

@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.analysis.box import zero_exclusion
-from boomctl.analysis.box.loop_pencil import LoopPencil
-from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
-from tests.analysis.test_prove_box import image, polynomials
+from boomctl.analysis.box.polynomials import Cell
+from boomctl.analysis.box.sampled import image
+from tests.analysis.test_prove_box import polynomials, proved
 from tests.profiles import examples
 
 
@@ -86,7 +86,7 @@ def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
 
 
 def test_a_wide_cell_is_cut_where_a_pole_crosses_and_proved_where_none_does():
-    center = LoopPencil(np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]]))
-    terms = {(): center, (0,): LoopPencil(np.zeros((2, 2)), np.eye(2))}
-    assert prove_cell(terms, Cell(np.zeros(1), np.array([0.099]))).proved
-    assert not prove_cell(terms, Cell(np.zeros(1), np.array([0.101]))).proved
+    eye, turning = np.eye(2), np.array([[-0.1, 3.0], [-3.0, -0.1]])
+    terms = {(): np.array([eye, turning]), (0,): np.array([0.0 * eye, eye])}
+    assert proved(terms, Cell(np.zeros(1), np.array([0.099])))
+    assert not proved(terms, Cell(np.zeros(1), np.array([0.101])))

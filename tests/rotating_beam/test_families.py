@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.zero_exclusion import Cell, prove_cell
+from boomctl.analysis.box.polynomials import Cell
 from boomctl.structure import PolynomialFamily, SecondOrderModel
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
@@ -92,11 +92,11 @@ def test_what_is_proved_of_polynomials_holds_at_every_point_tried(seed, size, de
     loops = BoxLoops.of(family, law)
     for reach in (0.1, 0.5, 1.0):
         cell = Cell(rng.uniform(-0.3, 0.3, 2), np.full(2, reach))
-        proof = prove_cell(loops.terms(cell), cell)
+        proof = loops.parts()[0].prover(1.0)(cell)
         points = cell.middle + reach * np.vstack(
             [rng.uniform(-1.0, 1.0, (40, 2)), [[-1, -1], [-1, 1], [1, -1], [1, 1]]]
         )
-        abscissas = [loops.at(point).abscissa for point in points]
+        abscissas = [loops.abscissa(point) for point in points]
         assert not proof.proved or max(abscissas) < 0.0
 
 
@@ -119,16 +119,16 @@ def test_a_scheduled_drive_is_proved_where_every_frozen_loop_is_stable(seed):
         poles = whole.poles()
         free = np.sort_complex(poles[np.abs(poles) > 1e-6])  # all but the hub angle, which nothing feels
         assert len(free) == len(poles) - 1
-        np.testing.assert_allclose(np.sort_complex(loops.at(point).poles), free, atol=1e-6 * np.abs(free).max())
+        np.testing.assert_allclose(np.sort_complex(loops.poles(point)), free, atol=1e-6 * np.abs(free).max())
 
 
 def test_the_angle_is_left_out_only_where_nothing_reads_it():
     family = _beam().family((0.0, 4.0))
     speed = ct.ss([], [], [], [[-50.0]], inputs="hub_speed", outputs="torque")
-    assert len(BoxLoops.of(family, speed).at(np.zeros(1)).A) == 5
+    assert len(BoxLoops.of(family, speed).poles(np.zeros(1))) == 5
     assert bc.robust_stability(family, speed).proved
     both = ct.ss([], [], [], [[-20.0, -50.0]], inputs=["hub_angle", "hub_speed"], outputs="torque")
-    assert len(BoxLoops.of(family, both).at(np.zeros(1)).A) == 6
+    assert len(BoxLoops.of(family, both).poles(np.zeros(1))) == 6
     assert not bc.robust_stability(
         replace(family, ignorable_coordinates=()), speed
     ).proved  # an integrator is not stable

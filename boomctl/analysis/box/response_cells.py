@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
-from boomctl.analysis.box.zero_exclusion import BELOW, TOP, Cell, evened
+from boomctl.analysis.box.polynomials import Cell, Polynomial
+from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS
@@ -38,8 +39,6 @@ def _hull(count: int) -> Array:
     meet = 0.5 * (ends[1:] + ends[:-1])
     return np.array([(-1.0, 1.0), *zip(meet, ends[1:] * ends[:-1], strict=True), (1.0, 1.0)])
 
-
-Polynomial = Mapping[tuple[int, ...], Array]
 
 _PARALLEL = 0.9  # cosine of eigenvectors beyond which they are made orthogonal: their inverse would be large (a choice)
 # of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
@@ -99,18 +98,20 @@ class Frontier:
 
 @dataclass(frozen=True)
 class ResponseCells:
-    """A loop ``E x' = A x + B w + R w'``, ``z = C x + D w`` over a box, in coordinates near those in which it is diagonal.
+    """A loop ``E x' = A x + (B - B d/dt) w``, ``z = C x + D w`` over a box, in coordinates in which it is nearly diagonal.
 
     Attributes
     ----------
     powers : tuple
         Products of parameters; matrices are sums over them.
-    E, A, B, R : ndarray
+    E, A, B : ndarray
         Stacks of matrices, one a product.
     C, D : ndarray
         What is judged.
+    sampled : bool
+        Whether the derivative of ``w`` counts.
     rounding : tuple of ndarray
-        By how much entries of ``E``, of ``A``, and of ``B`` and ``R`` may be off.
+        By how much entries of ``E``, of ``A``, and of ``B`` may be off.
     poles : ndarray
         Of the loop in the middle of the box [rad/s].
     size : int
@@ -121,9 +122,9 @@ class ResponseCells:
     E: Array
     A: Array
     B: Array
-    R: Array
     C: Array
     D: Array
+    sampled: bool
     rounding: tuple[Array, Array, Array]
     poles: Array
     size: int
@@ -131,40 +132,30 @@ class ResponseCells:
     @classmethod
     def of(
         cls,
-        E: Polynomial,
-        A: Polynomial,
+        pencils: Polynomial,
         B: Polynomial,
         C: Array,
         D: Array,
+        sampled: bool,
         size: int,
-        R: Polynomial | None = None,
-        missed: tuple[Array, Array] | None = None,
+        missed: tuple[Array, Array],
     ) -> ResponseCells:
         """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal.
 
-        ``R`` is none by default; ``missed`` is by how much entries of ``E`` and ``A`` alike, and of ``B`` and ``R``, are off.
+        ``pencils`` are ``[E, A]``; ``missed`` is by how much entries of both, and of ``B``, may be off.
         """
-        state = np.linalg.solve(E[()], A[()])
-        balanced, scale = balance(state)
+        balanced, scale = balance(np.linalg.solve(*pencils[()]))
         poles, V = linalg.eig(balanced)  # type: ignore[misc]
         V = V.astype(complex)
         _orthogonalise(V)
         V = V * scale[:, None]
-        W = np.linalg.inv(E[()] @ V)
-        rate: Polynomial = {} if R is None else R
-        powers = ((), *sorted({*E, *A, *B, *rate} - {()}, key=lambda power: (len(power), power)))
-        n, m = B[()].shape
-
-        def stack(terms: Polynomial) -> Array:
-            return np.array([terms.get(power, np.zeros((n, n))) for power in powers])
-
-        sizes = [ROUNDING * np.abs(W) @ np.abs(stack(terms)).sum(axis=0) @ np.abs(V) for terms in (E, A)]
-        pushed, rates = (np.array([W @ X.get(power, np.zeros((n, m))) for power in powers]) for X in (B, rate))
-        off = np.zeros((n, m))
-        if missed is not None:
-            sizes, off = [item + np.abs(W) @ missed[0] @ np.abs(V) for item in sizes], np.abs(W) @ missed[1]
-        rounding = sizes[0], sizes[1], off
-        return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, pushed, rates, C @ V, D, rounding, poles, size)
+        W = np.linalg.inv(pencils[()][0] @ V)
+        powers = ((), *sorted({*pencils, *B} - {()}, key=lambda power: (len(power), power)))
+        both = np.array([pencils.get(power, 0.0 * pencils[()]) for power in powers])
+        driving = np.array([W @ B.get(power, 0.0 * B[()]) for power in powers])
+        off = np.abs(W) @ (ROUNDING * np.abs(both).sum(axis=0) + missed[0]) @ np.abs(V)
+        E, A = (W @ both @ V).swapaxes(0, 1)
+        return cls(powers, E, A, driving, C @ V, D, sampled, (*off, np.abs(W) @ missed[1]), poles, size)
 
     def start(self, box: Cell) -> Frontier:
         """Return a part of the box over all frequencies."""
@@ -178,8 +169,9 @@ class ResponseCells:
 
     @cached_property
     def sizes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Magnitudes of the entries of ``E`` and ``A``, and of ``R`` and ``B``."""
-        return (np.abs(self.E), np.abs(self.A)), (np.abs(self.R), np.abs(self.B))
+        """Magnitudes of the entries of ``E`` and ``A``, and of what is driven by derivatives and at once."""
+        B = np.abs(self.B)
+        return (np.abs(self.E), np.abs(self.A)), (self.sampled * B, B)
 
     @property
     def batch(self) -> int:
@@ -194,14 +186,12 @@ class ResponseCells:
         axes, between = series.cuts(bounds, second, rest)
         return np.where(bounds.rho < BELOW, bound, np.inf), gain, axes, between
 
-    def prove(
-        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float]
-    ) -> tuple[Frontier, int]:
-        """Prove that no singular value reaches a level; return what is left, and in how many cells it was proved.
+    def prove(self, cell: Cell, level: float, limit: int, seen: Callable[[float, Array], float]) -> int | None:
+        """Prove that no singular value reaches a level; return in how many cells it was proved, None if it was not.
 
         Parameters
         ----------
-        cells : Frontier
+        cell : Cell
             Where it is to be proved.
         level : float
             The level.
@@ -211,7 +201,7 @@ class ResponseCells:
             Is told the largest gain met among each batch's middles and the point; returns the level from there on, infinite
             where there is none.
         """
-        tried, proved = 0, 0
+        cells, tried, proved = self.start(cell), 0, 0
         while len(cells) and tried + len(cells) <= limit and level < np.inf:
             here, cells = cells[-self.batch :], cells[: -self.batch]
             bound, gain, axes, between = self.look(here)
@@ -221,7 +211,7 @@ class ResponseCells:
             open_ = ~(bound < level * _LEVEL)  # what is not a number is not proved
             proved += int((~open_).sum())
             cells = cells.with_halves(here[open_], axes[open_], between[open_])
-        return cells, proved
+        return None if len(cells) else proved
 
 
 @dataclass(frozen=True)
@@ -347,18 +337,15 @@ class _Series:
         a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, center), (0.0, half)))
         b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((center, 1.0), (half, 0.0)))
         shares, beyond = _shares(loop.powers, cells)
-        E, A, B, R = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B, loop.R))
+        E, A, B = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B))
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
         P = {p: inverse @ X for p, X in E.items() if X.any()}
         Q = {p: inverse @ X for p, X in A.items() if p and X.any()}
         Q[()] = (1j * a * P[()] - np.eye(len(loop.poles))) / b  # for j a P - b Q is one
         moved = _Frequency(a, da, b, db, tilt[:, :, None, None], spread[:, :, None, None])
         Z = moved.expanded(P, Q, k)
-        driving = moved.expanded(
-            {p: inverse @ X for p, X in R.items() if X.any()},
-            {p: -inverse @ X for p, X in B.items() if p == () or X.any()},
-            k,
-        )
+        driven = {p: -inverse @ X for p, X in B.items() if p == () or X.any()}
+        driving = moved.expanded(driven if loop.sampled else {}, driven, k)
         off_E, off_A, off_B = loop.rounding
         side = np.abs(a) + moved.away, np.abs(b) + np.abs(db)
         others = [side[0] * off_E + side[1] * off_A, (side[0] + side[1]) * off_B]

@@ -7,22 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
+from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
-from boomctl.analysis.box.prove import WORTH, BoxProof, StablePart, Statement, prove_box
-from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
-from boomctl.arrays import Array
-from boomctl.checks import positive, whole
-from boomctl.lti.system import Lti, of, rates_of
+from boomctl.checks import exactly, positive, whole
+from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
 from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import control
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
@@ -158,7 +154,7 @@ def robust_stability(
 
     The box is halved until in each cell no pole can touch the imaginary axis; what such cells leave is proved by smaller ones
     of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is a polynomial of
-    the parameters (:mod:`boomctl.analysis.box.sampled_level`): what it misses is measured at points drawn, and counted ten
+    the parameters (:mod:`boomctl.analysis.box.sampled`): what it misses is measured at points drawn, and counted ten
     times.
 
     Parameters
@@ -212,19 +208,15 @@ def robust_stability(
     (True, 0.353)
     """
     limit = whole("max_cells", max_cells)
-    K, late = checked_controller(family, controller, delay)
     if additive_uncertainty is not None:
         of(additive_uncertainty, "additive_uncertainty", "StateSpace")
-        if K is None:
+        if isinstance(controller, ScheduledController):
             raise ValueError(
                 "`additive_uncertainty` must be None beside a controller that follows a parameter, got a bound."
             )
-    if K is not None and K.dt != 0.0:
-        loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
-    else:
-        loops = BoxLoops.of(family, controller)
+    loops = BoxLoops.of(family, controller, delay)
     if not isinstance(injection_points, Sequence) or injection_points:
-        joined_at(family, controller, late, np.zeros(family.nparameters)).injections(injection_points)
+        loops.at(np.zeros(family.nparameters)).injections(injection_points)
     with computing("robust stability", progress):
         tell("points of the box")
         at, rate = pattern_search(loops.abscissa, family.nparameters, 1.0, enough=0.0)[:2]
@@ -233,20 +225,21 @@ def robust_stability(
             return RobustStability(False, worst, 0, rate, worst)
         tell("loop over the box")
         try:
-            parts = loops.parts(1.0)
+            parts = loops.parts()
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
-        result = prove_box(parts, Statement.stable(loops.stable), limit)
+        result = prove_box(parts, Statement(loops.stable), limit)
         cells, bad = result.dear + result.cheap, result.refuted
         if bad is not None:
             return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
         reason = "" if result.left is None else _given_up(family, loops.abscissa(result.left), result, limit)
         alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.method)
-        if additive_uncertainty is None or K is None or not result.proved:
+        if additive_uncertainty is None or not result.proved:
             return alone
         from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
 
-        around = small_gain(family, K, additive_uncertainty, delay, WORTH * limit)
+        assert isinstance(loops.controller, Lti)
+        around = small_gain(family, loops.controller, additive_uncertainty, delay, WORTH * limit)
     gain, below = around.lower_bound, around.upper_bound < 1.0
     if gain >= 1.0:
         reason = f"gain {gain:.4g} around what is not modeled at {listed_values(around.worst_values)}"
@@ -255,30 +248,6 @@ def robust_stability(
     method = f"{alone.method}; {around.method} with what is not modeled" if below else ""
     cells += around.cells
     return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)
-
-
-@dataclass(frozen=True)
-class _Sampled:
-    """Sampled loops over a box, as `BoxLoops`."""
-
-    family: Family
-    K: Lti
-    delay: float
-    at: "Callable[[Array], Lti]"
-
-    def abscissa(self, delta: Array) -> float:
-        """Return the slowest rate at a point [rad/s]."""
-        closed = self.at(delta).balanced()
-        return float(rates_of(closed.poles, closed.dt).real.max())
-
-    def stable(self, delta: Array) -> bool:
-        """Return whether the loop is stable at a point."""
-        return self.abscissa(delta) < 0.0
-
-    def parts(self, factor: float) -> list[StablePart]:
-        """Return polynomials of the parameters that cover the box; ``factor`` is one."""
-        result = SampledLoops.over(self.family, self.K, (), (), self.delay)
-        return [StablePart(item.cell, item.pencils, item.missed[0]) for item in result]
 
 
 def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
@@ -339,6 +308,11 @@ def robust_stability_margin(
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
     loops = BoxLoops.of(family, controller)
+    if loops.controller.dt:
+        raise ValueError(
+            f"`controller` must be in continuous time, got a sampling time of {exactly(loops.controller.dt)} s. Of sampled "
+            "loops boomctl.robust_stability and boomctl.worst_case have proofs."
+        )
     middle = np.zeros(family.nparameters)
     if not loops.stable(middle):
         return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
