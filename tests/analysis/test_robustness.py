@@ -47,6 +47,16 @@ def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width, damper
     assert robust_stability(family, feedback(gain)).proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
 
 
+def test_margin_of_sampled_loop_is_between_stable_and_unstable_boxes():
+    family = oscillators({"k": (3.0, 5.0)}, damper=0.2)
+    K = control.ss([], [], [], [[1.0]], 0.1, inputs=["y"], outputs=["u"])
+    found = robust_stability_margin(family, K, rtol=0.02, delay=0.05)
+    assert 0.0 < found.lower_bound < found.upper_bound < 1.03 * found.lower_bound
+    for factor, stable in ((found.lower_bound, True), (1.001 * found.upper_bound, False)):
+        loops = [feedback_loop(family.at([end]), K, "u", delay=0.05) for end in (-factor, 0.0, factor)]
+        assert all((np.abs(loop.poles()) < 1.0).all() for loop in loops) == stable
+
+
 def test_the_search_ends_at_the_first_point_where_the_loop_is_unstable():
     """It is unstable everywhere: the middle, which is asked first, says so, though a corner is worse."""
     found = robust_stability(oscillators({"k": (3.0, 5.0)}), feedback(6.0))

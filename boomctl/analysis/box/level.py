@@ -74,8 +74,7 @@ class BoxLoop:
         (E, A), B = value_at(self.pencils, delta), value_at(self.B, delta)
         if self.sampled:
             return Lti(0.5 * (E + A), B, self.C, self.D, dt=self.dt).balanced()
-        solved = np.linalg.solve(E, np.hstack([A, B]))
-        return Lti(*np.hsplit(solved, [len(E)]), self.C, self.D).balanced()
+        return Lti(np.linalg.solve(E, A), np.linalg.solve(E, B), self.C, self.D).balanced()
 
     def even(self, level: float) -> tuple[Polynomial, Array]:
         """Return the pencil that is singular where a singular value is at a level, and by how much its entries may be off."""

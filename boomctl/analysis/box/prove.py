@@ -69,8 +69,6 @@ class BoxProof:
         A point at which the loop is not stable, if one was met.
     left : ndarray or None
         The middle of a cell of parameters that resisted.
-    small : bool
-        Whether that is as small as cells get.
     """
 
     proved: bool
@@ -78,7 +76,6 @@ class BoxProof:
     cheap: int = 0
     refuted: Array | None = None
     left: Array | None = None
-    small: bool = False
 
     @property
     def method(self) -> str:
@@ -129,8 +126,8 @@ def _proved(part: BoxLoop, statement: Statement, limit: float) -> BoxProof:
         middle = part.cell.point(cell.middle)
         if not statement.holds(middle):
             return BoxProof(False, dear, cheap, middle)
-        small = cell.reach.max() < 1.0 / limit
-        last = small or tried >= 2.0 * limit  # halves of halves: twice as many are tried as are proved
+        # halves of halves: twice as many are tried as are proved
+        last = cell.reach.max() < 1.0 / limit or tried >= 2.0 * limit
         if size <= _MOST_PARAMETERS and (last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1):
             count = part.responses.prove(cell, statement.level, int(min(_SHARE, limit) * WORTH), met)
             if statement.level == inf:
@@ -143,7 +140,7 @@ def _proved(part: BoxLoop, statement: Statement, limit: float) -> BoxProof:
         elif statement.looser():
             waiting, tried = [*waiting, cell], 0
         else:
-            return BoxProof(False, dear, cheap, None, middle, small)
+            return BoxProof(False, dear, cheap, None, middle)
         if statement.level > level:
             level = statement.level
             prove = part.prover(level)

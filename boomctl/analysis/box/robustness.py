@@ -9,13 +9,13 @@ import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
-from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
+from boomctl.analysis.box.prove import WORTH, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
-from boomctl.checks import exactly, positive, whole
+from boomctl.checks import positive, whole
 from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
-from boomctl.structure.families import Family, PolynomialFamily, Slope
+from boomctl.structure.families import Family, Slope
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -232,7 +232,13 @@ def robust_stability(
         cells, bad = result.dear + result.cheap, result.refuted
         if bad is not None:
             return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
-        reason = "" if result.left is None else _given_up(family, loops.abscissa(result.left), result, limit)
+        reason = ""
+        if result.left is not None:
+            where = f"{listed_values(family.denormalize(result.left))}, where poles have real parts up to"
+            reason = (
+                f"given up at {where} {loops.abscissa(result.left):.4g} rad/s: it would take more than max_cells = {limit}, "
+                f"or smaller ones than 1/{limit} of the box"
+            )
         alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.method)
         if additive_uncertainty is None or not result.proved:
             return alone
@@ -250,16 +256,6 @@ def robust_stability(
     return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)
 
 
-def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
-    """Return why a proof ended: a cell is as small as cells get, or there were as many as allowed."""
-    assert found.left is not None
-    where = f"at {listed_values(family.denormalize(found.left))}, where poles have real parts up to"
-    where = f"{where} {abscissa:.4g} rad/s"
-    if found.small:
-        return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
-    return f"given up {where}: it would take more than max_cells = {limit}"
-
-
 @one_blas_thread
 def robust_stability_margin(
     family: Family,
@@ -268,6 +264,7 @@ def robust_stability_margin(
     rtol: float = 0.05,
     max_cells: int = _MARGIN_CELLS,
     *,
+    delay: float = 0.0,
     progress: "Listener | None" = None,
 ) -> RobustStabilityMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
@@ -276,8 +273,8 @@ def robust_stability_margin(
 
     Parameters
     ----------
-    family, controller, max_cells
-        As for :func:`robust_stability`.
+    family, controller, max_cells, delay
+        As for :func:`robust_stability`; of sampled loops, each enlarged box takes as long as one there.
     max_factor : float
         The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
     rtol : float
@@ -307,12 +304,7 @@ def robust_stability_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
-    loops = BoxLoops.of(family, controller)
-    if loops.controller.dt:
-        raise ValueError(
-            f"`controller` must be in continuous time, got a sampling time of {exactly(loops.controller.dt)} s. Of sampled "
-            "loops boomctl.robust_stability and boomctl.worst_case have proofs."
-        )
+    loops = BoxLoops.of(family, controller, delay)
     middle = np.zeros(family.nparameters)
     if not loops.stable(middle):
         return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
@@ -320,7 +312,7 @@ def robust_stability_margin(
     good, ceiling, calm, bad, where, tried = 0.0, top, 0.0, inf, None, top
     with computing("structured margin", progress):
         for _ in range(_PROOFS):
-            found = robust_stability(_enlarged(family, tried), controller, limit)
+            found = robust_stability(_enlarged(family, tried), controller, limit, delay=delay)
             if found.destabilizing_values is None:
                 calm = max(calm, tried)
             else:
@@ -341,5 +333,4 @@ def _enlarged(family: Family, factor: float) -> Family:
         (power, Slope(*(factor ** len(power) * getattr(change, letter) for letter in "MCKBL")))
         for power, change in family.coefficients
     )
-    free = tuple(family.nominal.coordinates[i] for i in family._unfelt)
-    return PolynomialFamily(family.names, middle - reach, middle + reach, family.nominal, changes, free)
+    return replace(family, low=middle - reach, high=middle + reach, coefficients=changes)

@@ -104,7 +104,9 @@ def _groups(family: Family) -> list[list[int]]:
         return []
     touched = np.zeros((family.nominal.ncoordinates, family.nparameters))
     for power, change in family.coefficients:
-        touched[np.ix_(np.flatnonzero(np.diag(change.M + change.C + change.K)), power)] = 1.0
+        rows = np.diag(abs(change.M) + abs(change.C) + abs(change.K)) > 0.0
+        for i in power:
+            touched[rows, i] = 1.0
     count, group = connected_components(touched.T @ touched, directed=False)
     return [np.flatnonzero(group == k).tolist() for k in range(count)]
 
@@ -126,7 +128,7 @@ def sampled_loops(
         if outputs:
             return loop.select(inputs, outputs)
         n = len(loop.A)
-        return Lti(loop.A, np.zeros((n, 1)), np.zeros((1, n)), np.zeros((1, 1)), dt=loop.dt)
+        return replace(loop, B=np.zeros((n, 1)), C=np.zeros((1, n)), D=np.zeros((1, 1)))
 
     center = full(np.zeros(family.nparameters))
     eye = np.eye(len(center.A))
@@ -153,7 +155,7 @@ def _in_modes(family: Family) -> Family:
     if family._unfelt:
         return family
     changes = tuple(
-        (power, Slope(*(V.T @ X @ V for X in (x.M, x.C, x.K)), V.T @ x.B, x.L @ V if x.L.any() else x.L))
+        (power, Slope(V.T @ x.M @ V, V.T @ x.C @ V, V.T @ x.K @ V, V.T @ x.B, x.L @ V if x.L.any() else x.L))
         for power, x in family.coefficients
     )
     middle = SecondOrderModel.of(center.structure.projected(V, center.coordinates), center.ports.congruent(V))
