@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.analysis.box.level import BoxLoop
-from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, product_of, sum_of, value_at, within
+from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, product_of, stacked, sum_of, value_at, within
 from boomctl.analysis.box.sampled import sampled_loops, sampled_parts
 from boomctl.analysis.box.scheduled import ScheduledController, frozen
 from boomctl.analysis.loops import Loop, injected, joined, signals_of
@@ -200,7 +200,7 @@ def _open(family: Family, rows: Sequence[int], forced: Array, driven: bool, more
         A[power][places, size:] += B[1] @ forced
         if power and not L.any():
             continue
-        line = lines[power] = np.zeros((3, len(rows), size + m))
+        line = np.zeros((3, len(rows), size + m))
         line[:, :, places] = L[:, rows]
         if not driven:  # speeds are states
             line[:2, :, rates], line[1:, :, places] = L[1:, rows], 0.0
@@ -214,6 +214,7 @@ def _open(family: Family, rows: Sequence[int], forced: Array, driven: bool, more
             if not power:
                 line[0, j, first] = A[()][first, first + 1] = 1.0
                 A[()][first : first + 2, first] -= turn, b**2
+        lines = sum_of(lines, {power: line})
     return E, A, lines
 
 
@@ -245,7 +246,8 @@ def _closed(
     at, room = [rows.index(o) for o in read], ((0, len(acting)), (0, 0))
     a, b = ({q: np.pad(line[i, at], room) for q, line in lines.items()} for i in (0, 1))
     a[()][:, size:] += added
-    pushing = {(): ports.B[0][:, acting]} | {q: X.B[0][:, acting] for q, X in family.coefficients if X.B.any()}
+    changes = [{q: X.B[0][:, acting]} for q, X in family.coefficients if X.B.any()]
+    pushing = sum_of({(): ports.B[0][:, acting]}, *changes)
     sent, late = sum_of(product_of(law["C"], states), product_of(law["D"], a)), product_of(law["D"], b)
     _add(A, own, sum_of(product_of(law["A"], states), product_of(law["B"], a)))
     _add(E, own, product_of(law["B"], b), -1.0)
@@ -254,31 +256,27 @@ def _closed(
     # what is judged: of outputs the rows, of controls what is sent
     wanted = outputs or ("",)
     pick = np.array([[float(name == ports.outputs[o]) for o in rows] for name in wanted])
-    through = np.array(
-        [
-            ports.E[0, ports.outputs.index(name), acting]
-            if name in ports.outputs
-            else [float(name == c) for c in controls]
-            for name in wanted
-        ]
-    )
+    through = np.array([[float(name == control) for control in controls] for name in wanted])
+    through += pick @ ports.E[0][np.ix_(rows, acting)]
     z = sum_of({q: pick @ line[0] for q, line in lines.items()}, product_of({(): through}, sent))
-    direct = [ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in judged]
-    columns = [ports.B[2], *(X.B[2] for _, X in family.coefficients)]
-    if any(X.any() for X in (*direct, *(X @ forced for X in columns))) or any(
-        line[2].any() or (pick @ line[1]).any() for line in lines.values()
-    ):
+    unfit = [
+        *(X.B[2] @ forced for X in (ports, *(change for _, change in family.coefficients))),
+        *(X for line in lines.values() for X in (line[2], pick @ line[1])),
+        *(ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in judged),
+    ]
+    if any(X.any() for X in unfit):
         raise ValueError("`outputs` must be places, or accelerations behind a filter; measured ones may be speeds.")
     if any((through @ X).any() for X in late.values()):
         raise ValueError("`controller` must send no speed on at once where what it sends is judged.")
-    if any(X.any() for q, X in z.items() if q):
-        raise ValueError("`outputs` must not change with the parameters in continuous time; of sampled loops they may.")
     # what acts by its derivative moves to the states that it acts on
-    R = {q: -X[:, size:] for q, X in E.items() if X[:, size:].any()}
-    B = sum_of({q: X[:, size:] for q, X in A.items()}, product_of({q: X[:, :size] for q, X in A.items()}, R))
-    C, D = z[()][:, :size], z[()][:, size:]
-    D = D + C @ R[()] if R else D
-    pencils = {q: np.array([E[q], A[q]])[:, :, :size] for q in dict.fromkeys((*E, *A))}
+    both = stacked(A, z)
+    free, R = {q: X[:, :size] for q, X in both.items()}, {q: -X[:, size:] for q, X in E.items() if X[:, size:].any()}
+    driven = sum_of({q: X[:, size:] for q, X in both.items()}, product_of(free, R))
+    if any(X[size:].any() for total in (free, driven) for q, X in total.items() if q):
+        raise ValueError("`outputs` must not change with the parameters in continuous time; of sampled loops they may.")
+    pencils = {
+        q: np.array([E[q][:, :size], free.get(q, np.zeros((size, size)))[:size]]) for q in dict.fromkeys((*E, *free))
+    }
 
     def alone(i: int) -> bool:
         """Return whether nothing in the loop feels a state."""
@@ -287,7 +285,8 @@ def _closed(
 
     kept = [i for i in range(size) if outputs or i not in family._unfelt or not alone(i)]
     pencils = {q: X[:, kept][:, :, kept] for q, X in pencils.items() if not q or X.any()}
-    return pencils, {q: X[kept] for q, X in B.items() if not q or X.any()}, C[:, kept], D
+    B = {q: X[kept] for q, X in driven.items() if not q or X.any()}
+    return pencils, B, free[()][size:, kept], driven[()][size:]
 
 
 def _add(total: Sums, rows: slice, terms: Polynomial, sign: float = 1.0) -> None:

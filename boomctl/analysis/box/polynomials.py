@@ -56,6 +56,12 @@ def sum_of(*terms: Polynomial) -> dict[tuple[int, ...], Array]:
     return result
 
 
+def stacked(upper: Polynomial, lower: Polynomial, more: int = 0) -> dict[tuple[int, ...], Array]:
+    """Return one polynomial above the other, and so many columns of zeros behind both."""
+    pairs = {q: [X.get(q, 0.0 * X[()]) for X in (upper, lower)] for q in dict.fromkeys((*upper, *lower))}
+    return {q: np.pad(np.vstack(pair), ((0, 0), (0, more))) for q, pair in pairs.items()}
+
+
 def product_of(first: Polynomial, second: Polynomial) -> dict[tuple[int, ...], Array]:
     """Return the product of two polynomials of matrices."""
     result: dict[tuple[int, ...], Array] = {}

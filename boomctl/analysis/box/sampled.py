@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 
 from boomctl.analysis.box.level import BoxLoop
-from boomctl.analysis.box.polynomials import Cell, Polynomial
+from boomctl.analysis.box.polynomials import Cell, Polynomial, stacked
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS, Functions, fitted, points_along, tried_points
@@ -75,7 +75,7 @@ def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: S
     off_A, off_B, off_C, off_D = ({(): _SPARE * off[letter]} for letter in "ABCD")
     if len(C) > 1 or len(D) > 1:  # what is judged becomes a state, a sample later: all gains stay what they are
         p, n = C[()].shape
-        A, B, off_A, off_B = _below(A, C, p), _below(B, D), _below(off_A, off_C, p), _below(off_B, off_D)
+        A, B, off_A, off_B = stacked(A, C, p), stacked(B, D), stacked(off_A, off_C, p), stacked(off_B, off_D)
         C, D = {(): np.eye(p, n + p, n)}, {(): np.zeros_like(D[()])}
     return BoxLoop(cell, image(A), B, C[()], D[()], (off_A[()], off_B[()]), dt)
 
@@ -84,12 +84,6 @@ def image(A: Polynomial) -> dict[tuple[int, ...], Array]:
     """Return the pencil ``[A + 1, A - 1]`` whose eigenvalues decay where those of ``A`` are below one in magnitude."""
     eye = np.eye(len(A[()]))
     return {power: np.array([X, X] if power else [X + eye, X - eye]) for power, X in A.items()}
-
-
-def _below(upper: Polynomial, lower: Polynomial, more: int = 0) -> dict[tuple[int, ...], Array]:
-    """Return one polynomial above the other, and so many columns of zeros behind both."""
-    pairs = {q: [X.get(q, 0.0 * X[()]) for X in (upper, lower)] for q in dict.fromkeys((*upper, *lower))}
-    return {q: np.pad(np.vstack(pair), ((0, 0), (0, more))) for q, pair in pairs.items()}
 
 
 def _groups(family: Family) -> list[list[int]]:
