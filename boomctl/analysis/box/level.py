@@ -67,7 +67,7 @@ class BoxLoop:
     @cached_property
     def responses(self) -> ResponseCells:
         """What bounds the response over cells of parameters and frequencies."""
-        return ResponseCells.of(self.pencils, self.B, self.C, self.D, self.sampled, len(self.cell.middle), self.missed)
+        return ResponseCells.of(self)
 
     def at(self, delta: Array) -> Lti:
         """Return the loop at a point of the part, as a state-space system."""

@@ -72,11 +72,6 @@ class ScheduledController:
             f"  over {self.signal}: {count(len(self.values), 'controller')} from {ends}, straight lines between them"
         )
 
-    @property
-    def _place(self) -> int:
-        """Which of the inputs the signal is."""
-        return self.input_labels.index(self.signal)
-
     @cached_property
     def systems(self) -> tuple[Lti, ...]:
         """The controllers at the values."""
@@ -129,7 +124,7 @@ class ScheduledController:
 
         def split(u: Any) -> tuple[Lti, Array]:
             read = np.array(u[:p], dtype=float)
-            here = frozen(self, float(read[self._place]))
+            here = frozen(self, float(read[self.input_labels.index(self.signal)]))
             read[places] -= u[p:]
             return here, read
 
