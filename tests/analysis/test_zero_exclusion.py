@@ -16,7 +16,7 @@ from tests.profiles import examples
 @examples(20)
 def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
     rng = np.random.default_rng(seed)
-    modes = zero_exclusion._modes(image(polynomials(rng, 6, 2)), np.array([0.2, 0.1]))
+    modes = zero_exclusion._modes(image(polynomials(rng, 6, 2)), np.array([0.2, 0.1]), np.zeros((6, 6)))
     assert modes is not None
     ends = np.array([[lowest := rng.uniform(0.0, 8.0), 1.0], [lowest + rng.exponential(1.0), 1.0]])
     n = len(modes.poles)

@@ -25,7 +25,7 @@ import numpy as np
 
 from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, stable, value_at
 from boomctl.analysis.box.response_cells import ROUNDING, ResponseCells
-from boomctl.analysis.box.zero_exclusion import CellProof, prove_pencil
+from boomctl.analysis.box.zero_exclusion import axis_to_halve
 from boomctl.arrays import Array, blocks
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import Lti
@@ -95,8 +95,8 @@ class BoxLoop:
         off, driven = self.missed
         return result, blocks([[off, none, driven], [none, off.T, empty], [empty.T, driven.T, 0.0 * rest]])
 
-    def prover(self, level: float) -> Callable[[Cell], CellProof]:
-        """Return what tries to prove that the loop is stable and its norm below a level throughout a cell of parameters.
+    def prover(self, level: float) -> Callable[[Cell], int | None]:
+        """Return what proves that the loop is stable and its norm below a level throughout a cell, or says how to halve it.
 
         That no singular value is at the level on the axis shows it only if all are below it at one frequency, the highest.
         """
@@ -105,12 +105,12 @@ class BoxLoop:
         if missed.any():  # rounding of sums included
             missed = missed + ROUNDING * sum(np.abs(X).sum(axis=0) for X in terms.values())
 
-        def prove(cell: Cell) -> CellProof:
+        def prove(cell: Cell) -> int | None:
             highest = self.D[:, :, None]
             if driven and self.sampled:
                 loop = self.at(cell.middle)
                 highest = loop.response(np.array([loop.nyquist]), quiet=True)
             below = bool(singular_values(highest)[0, 0] < level)
-            return prove_pencil(terms, cell, below and stable(value_at(self.pencils, cell.middle)), missed)
+            return axis_to_halve(terms, cell, below and stable(value_at(self.pencils, cell.middle)), missed)
 
         return prove

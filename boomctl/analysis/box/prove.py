@@ -119,8 +119,8 @@ def _proved(part: BoxLoop, statement: Statement, limit: float) -> BoxProof:
     while waiting:
         tell("cells of the box proved", dear + cheap)
         cell, tried = waiting.pop(), tried + 1
-        result = prove(cell)
-        if result.proved:
+        axis = prove(cell)
+        if axis is None:
             dear += 1
             continue
         middle = part.cell.point(cell.middle)
@@ -136,7 +136,7 @@ def _proved(part: BoxLoop, statement: Statement, limit: float) -> BoxProof:
                 cheap += count
                 continue
         if not last:
-            waiting += cell.halves(result.axis)
+            waiting += cell.halves(axis)
         elif statement.looser():
             waiting, tried = [*waiting, cell], 0
         else:

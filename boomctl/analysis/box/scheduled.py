@@ -72,6 +72,11 @@ class ScheduledController:
             f"  over {self.signal}: {count(len(self.values), 'controller')} from {ends}, straight lines between them"
         )
 
+    @property
+    def _place(self) -> int:
+        """Which of the inputs the signal is."""
+        return self.input_labels.index(self.signal)
+
     @cached_property
     def systems(self) -> tuple[Lti, ...]:
         """The controllers at the values."""
@@ -124,7 +129,7 @@ class ScheduledController:
 
         def split(u: Any) -> tuple[Lti, Array]:
             read = np.array(u[:p], dtype=float)
-            here = frozen(self, float(read[self.input_labels.index(self.signal)]))
+            here = frozen(self, float(read[self._place]))
             read[places] -= u[p:]
             return here, read
 

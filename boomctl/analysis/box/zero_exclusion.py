@@ -46,22 +46,6 @@ _ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a c
 
 
 @dataclass(frozen=True)
-class CellProof:
-    """What is known of a cell.
-
-    Attributes
-    ----------
-    proved : bool
-        Whether no eigenvalue touches the imaginary axis anywhere in the cell.
-    axis : int
-        The parameter that couples modes most, to be halved next.
-    """
-
-    proved: bool
-    axis: int
-
-
-@dataclass(frozen=True)
 class _Modes:
     """The pencil over a cell, ``sum_t w_t (s E_t - A_t)`` and ``s - poles`` on the diagonal, ``low <= w <= high``.
 
@@ -100,36 +84,32 @@ Factors = tuple[Array, Array]
 """Two matrices in place of their product."""
 
 
-def prove_pencil(terms: Polynomial, cell: Cell, holds: bool, missed: Array | None = None) -> CellProof:
-    """Try to prove that no eigenvalue is imaginary anywhere in a cell.
+def axis_to_halve(terms: Polynomial, cell: Cell, holds: bool, missed: Array) -> int | None:
+    """Return None where no eigenvalue is imaginary anywhere in a cell; otherwise the parameter to be halved next.
 
     ``holds`` tells whether what is to be proved is true in its middle; ``missed`` is by how much entries of ``E`` and ``A``
     may be off.
     """
     modes = _modes(about(terms, cell.middle), cell.reach, missed) if holds else None
     if modes is None:
-        return CellProof(False, int(np.argmax(cell.reach)))
-    worst = _unexcluded_frequency(modes)
-    return CellProof(worst is None, 0 if worst is None else _parameter_to_halve(modes, worst))
+        return int(np.argmax(cell.reach))
+    point = _unexcluded_frequency(modes)
+    if point is None:
+        return None
 
-
-def _parameter_to_halve(modes: _Modes, point: Array) -> int:
-    """Return the parameter whose range, halved, would leave the least couplings at a frequency."""
-    result = []
-    for axis in range(modes.powers.shape[1]):
+    def left(axis: int) -> tuple[bool, float]:
+        """Return how much couples the modes there, the range of a parameter halved."""
         half = modes.halved(axis)
-        n = len(half.poles)
-        coupling = _couplings(_squares(half), point[None]).reshape(n, n)
+        coupling = _couplings(_squares(half), point[None]).reshape(modes.E.shape[1:])
         distance = _along(half, point[None])[:, 0].max(axis=0)
-        clear = float(distance.min())
-        if clear > 0.0:
-            result.append((0, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max()), axis))
-        else:
-            result.append((1, -clear, axis))
-    return min(result)[2]
+        if (distance <= 0.0).any():
+            return True, -float(distance.min())
+        return False, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max())
+
+    return min(range(len(cell.reach)), key=left)
 
 
-def _modes(local: Polynomial, reach: Array, missed: Array | None = None) -> _Modes | None:
+def _modes(local: Polynomial, reach: Array, missed: Array) -> _Modes | None:
     E, A = local[()]
     try:
         state = np.linalg.solve(E, A)
@@ -148,7 +128,7 @@ def _modes(local: Polynomial, reach: Array, missed: Array | None = None) -> _Mod
     eye = np.eye(len(poles), dtype=complex)
     rounding = [F @ G - X for (F, G), X in zip(both.pop(()), (eye, np.diag(poles)), strict=True)]
     both[(-1,)] = (eye, rounding[0]), (eye, rounding[1])
-    off = np.zeros(state.shape) if missed is None else np.abs(W) @ missed @ np.abs(V)
+    off = np.abs(W) @ missed @ np.abs(V)
     finite = all(np.isfinite(X).all() for pair in both.values() for item in pair for X in item)
     return _straightened(poles, both, reach, off) if finite else None
 
