@@ -122,11 +122,22 @@ def test_box_with_one_unstable_part_is_not_proved(slope):
         assert found.proved == expected
 
 
-def test_a_singular_matrix_before_the_derivative_is_not_proved():
-    """A pole at minus one has its image at infinity."""
-    terms = image({(): np.diag([-1.0, 0.5]), (0,): 0.1 * np.eye(2)})
-    assert not proved(terms, Cell.whole(1))
-    assert not proved(terms, Cell(np.array([0.5]), np.array([0.5])))  # singular at its end
+TURNING = {(): np.array([np.eye(2), [[-0.1, 3.0], [-3.0, -0.1]]]), (0,): np.array([np.zeros((2, 2)), np.eye(2)])}
+# A pole at minus one has its image at infinity: the matrix before the derivative is singular.
+SINGULAR = image({(): np.diag([-1.0, 0.5]), (0,): 0.1 * np.eye(2)})
+
+
+@pytest.mark.parametrize(
+    ("terms", "middle", "reach", "expected"),
+    [
+        (TURNING, 0.0, 0.099, True),
+        (TURNING, 0.0, 0.101, False),
+        (SINGULAR, 0.0, 1.0, False),
+        (SINGULAR, 0.5, 0.5, False),
+    ],
+)
+def test_cell_is_proved_where_no_pole_crosses(terms, middle, reach, expected):
+    assert proved(terms, Cell(np.array([middle]), np.array([reach]))) == expected
 
 
 def masses(rng, count, parameters, light, spread):

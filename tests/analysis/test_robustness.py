@@ -15,7 +15,7 @@ from boomctl.analysis.loops import feedback_loop
 from boomctl.boom import boom_family, yaw_family
 from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.structure import SecondOrderModel
-from boomctl.structure.families import AffineFamily
+from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
 from boomctl.structure.modal_structure import modal_structure
 from boomctl.synthesis.discretise import discretize
 from tests.analysis.loop_cases import chain, velocity_feedback
@@ -147,9 +147,25 @@ def loop_with_changing_sensors(rng, read=("y0", "y1")):
     return AffineFamily.from_function({"k": (-1.0, 1.0), "b": (-1.0, 1.0)}, make), velocity_feedback(0.1, 3.0)
 
 
+def loop_with_polynomials(rng):
+    """Return a loop whose matrices are polynomials of the fourth degree of two parameters."""
+    n, changes = 3, []
+    middle = SecondOrderModel(np.eye(n), 0.3 * np.eye(n), np.diag([1.0, 4.0, 9.0]), {"f": [1, 0, 0]}, {"y": [0, 1, 0]})
+    for power in [(0,), (1,), (0, 0), (0, 1), (1, 1, 1), (0, 0, 1, 1)]:
+        M, C, K = (scale * rng.standard_normal((n, n)) for scale in (0.02, 0.1, 0.5))
+        changes.append((power, Slope(0.5 * (M + M.T), C, K, np.zeros((3, n, 1)))))
+    family = PolynomialFamily(("p", "q"), -np.ones(2), np.ones(2), middle, tuple(changes))
+    return family, control.ss([[-2.0]], [[1.0]], [[0.2]], [[-0.1]], inputs="y", outputs="f")
+
+
 @pytest.mark.parametrize(
     ("make", "digits"),
-    [(loop_with_feedthrough, 1e-9), (loop_with_changing_sensors, 1e-7), (loop_with_filtered_accelerations, 1e-6)],
+    [
+        (loop_with_polynomials, 1e-9),
+        (loop_with_feedthrough, 1e-9),
+        (loop_with_changing_sensors, 1e-7),
+        (loop_with_filtered_accelerations, 1e-6),
+    ],
 )
 @given(st.integers(0, 1000))
 @examples(20)

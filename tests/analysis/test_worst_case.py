@@ -222,18 +222,6 @@ def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
     assert found.nominal.lower_bound <= largest * (1.0 + 1e-5)
 
 
-def test_speeds_sent_on_at_once_are_not_judged():
-    speed = np.array([[[0.0]], [[1.0]], [[0.0]]])
-    ports = Ports.of_forces(("u", "w"), np.ones((1, 2)), ("v",), speed)
-
-    def make(values):
-        return SecondOrderModel.of(Structure.of(np.eye(1), 0.1 * np.eye(1), values["k"] * np.eye(1), ("q",)), ports)
-
-    family = AffineFamily.from_function({"k": (0.9, 1.1)}, make)
-    K = control.ss([], [], [], [[-0.2]], inputs="v", outputs="u")
-    assert "no speed on at once" in bc.worst_case(family, K, "w", "u").message
-
-
 def test_routes_to_a_norm_agree_as_far_as_both_are_certified():
     """Each lower bound is less by its own rounding, which differs: of a hub-beam by two parts in a million."""
     family = bc.hub_beam(model="sfoam", modes=2).family(hub_speed=(0.0, 6.0))
@@ -254,6 +242,16 @@ def test_where_there_is_no_bound_it_is_said_why():
     turning = beam.family(hub_speed=(0.0, 2.0))
     assert "hides" in bc.worst_case(turning, brake, "tip_force", "tip_displacement").message  # the hub's angle
     assert "places" in bc.worst_case(turning, brake, "tip_force", "hub_speed").message
+
+    speed = np.array([[[0.0]], [[1.0]], [[0.0]]])
+    ports = Ports.of_forces(("u", "w"), np.ones((1, 2)), ("v",), speed)
+
+    def moving(values):
+        return SecondOrderModel.of(Structure.of(np.eye(1), 0.1 * np.eye(1), values["k"] * np.eye(1), ("q",)), ports)
+
+    sent = control.ss([], [], [], [[-0.2]], inputs="v", outputs="u")
+    plants = AffineFamily.from_function({"k": (0.9, 1.1)}, moving)
+    assert "no speed on at once" in bc.worst_case(plants, sent, "w", "u").message
 
     def beside(values):  # a mass on a spring, and one that floats by itself
         K, C = np.diag([4.0 * values["spring"], 0.0]), np.diag([0.1, 0.0])

@@ -10,8 +10,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.polynomials import Cell
-from boomctl.structure import PolynomialFamily, SecondOrderModel
 from tests.profiles import examples
 from tests.rotating_beam.strategies import parameters
 
@@ -73,31 +71,6 @@ def test_one_parameter_is_enough():
     fixed = _beam().family(3.0, tip_mass=(0.0, 0.1))
     assert fixed.names == ("tip_mass",)
     np.testing.assert_allclose(fixed.at([-1.0]).K, _beam()._small_motion(3.0).stiffness, atol=1e-9)
-
-
-@examples(30)
-@given(st.integers(0, 10_000), st.floats(0.1, 1.2), st.integers(1, 3))
-def test_what_is_proved_of_polynomials_holds_at_every_point_tried(seed, size, degree):
-    rng, n = np.random.default_rng(seed), 3
-    middle = SecondOrderModel(
-        np.eye(n), 0.3 * np.eye(n), np.diag([1.0, 4.0, 9.0]), {"f": np.eye(n)[0]}, {"y": np.eye(n)[1]}
-    )
-    changes = []
-    for power in [(0,), (1,), (0, 0), (0, 1), (1, 1, 1), (0, 0, 1, 1)][: 2 * degree]:
-        M, C, K = (scale * size * rng.standard_normal((n, n)) for scale in (0.02, 0.1, 0.5))
-        slope = bc.structure.families.Slope(0.5 * (M + M.T), C, K, np.zeros((3, n, 1)))
-        changes.append((power, slope))
-    family = PolynomialFamily(("p", "q"), -np.ones(2), np.ones(2), middle, tuple(changes))
-    law = ct.ss([[-2.0]], [[1.0]], [[0.2]], [[-0.1]], inputs="y", outputs="f")
-    loops = BoxLoops.of(family, law)
-    for reach in (0.1, 0.5, 1.0):
-        cell = Cell(rng.uniform(-0.3, 0.3, 2), np.full(2, reach))
-        axis = loops.parts()[0].prover(1.0)(cell)
-        points = cell.middle + reach * np.vstack(
-            [rng.uniform(-1.0, 1.0, (40, 2)), [[-1, -1], [-1, 1], [1, -1], [1, 1]]]
-        )
-        abscissas = [loops.abscissa(point) for point in points]
-        assert axis is not None or max(abscissas) < 0.0
 
 
 @pytest.mark.slow
