@@ -74,23 +74,15 @@ class RobustStability:
         str
             A sentence.
         """
+        rate = f"{self.spectral_abscissa:.4g} rad/s"
         if self.destabilizing_values is not None:
-            return (
-                f"unstable at {listed_values(self.destabilizing_values)} (pole with real part "
-                f"{self.spectral_abscissa:.4g} rad/s)"
-            )
+            return f"unstable at {listed_values(self.destabilizing_values)} (pole with real part {rate})"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
-        result = (
-            f"real parts of poles found up to {self.spectral_abscissa:.4g} rad/s, at {listed_values(self.worst_values)}"
-        )
-        around = (
-            ""
-            if isnan(self.small_gain)
-            else f"; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
-        )
-        return (
-            f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}; {result}{around}"
-        )
+        verdict = f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}"
+        result = f"{verdict}; real parts of poles found up to {rate}, at {listed_values(self.worst_values)}"
+        if isnan(self.small_gain):
+            return result
+        return f"{result}; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
 
 
 @dataclass(frozen=True)

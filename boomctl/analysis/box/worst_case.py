@@ -1,7 +1,7 @@
 """The worst case of a loop over a box of parameters, from both sides: the worst point found, and a bound proved over all."""
 
-import itertools
 from dataclasses import dataclass
+from functools import cache
 from math import inf
 from typing import TYPE_CHECKING, Any
 
@@ -201,27 +201,23 @@ def worst_case(
         loop = loops.at(delta).closed(injection_points)
         return loop.select(inputs, family.nominal.output_labels if outputs is None else outputs)
 
-    seen: dict[bytes, Any] = {}
+    @cache
+    def norm_at(point: bytes) -> Any:
+        loop = loop_at(np.frombuffer(point))
+        return matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
 
     def at(delta: Array) -> Any:
         """Return the certificate of the norm at a point."""
-        result = seen.get(delta.tobytes())
-        if result is None:
-            loop = loop_at(delta)
-            result = matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
-            seen[delta.tobytes()] = result
-        return result
+        return norm_at(delta.tobytes())
 
-    looked_at = itertools.count(1)
+    def peak(point: Array) -> float:
+        tell("points of the box", 1 + norm_at.cache_info().currsize)
+        return at(point).lower_bound
+
     with computing("worst case", progress):
-
-        def peak(point: Array) -> float:
-            tell("points of the box", next(looked_at))
-            return at(point).lower_bound
-
         delta, _, tried = pattern_search(peak, family.nparameters, 1.0)
         middle = np.zeros(family.nparameters)
-        nominal, bound, proof, reason = at(middle), inf, BoxProof(False), ""
+        nominal, bound, proof = at(middle), inf, BoxProof(False)
         if norm == "h2":
             reason = "found, not proved: an H2 norm"
         elif wanted is None:
@@ -230,7 +226,9 @@ def worst_case(
             reason = _LOST
         else:
             tell("loop over the box")
-            delta, bound, proof, reason = _bounded(loops, loop_at(middle), at, delta, wanted, limit)
+            level = _Level(at, delta, wanted)
+            proof, reason = _proved(loops, loop_at(middle), level, limit)
+            delta, bound = level.worst, level.level if proof.proved else inf
     if nominal.lower_bound == inf and isinstance(loops.controller, Lti):
         advice = sign_advice(of(family.at(middle), sampled=True), loops.controller, loops.delay)
         reason = f"{reason}; {advice}" if advice else reason
@@ -238,26 +236,7 @@ def worst_case(
     return WorstCase(at(delta), family.denormalize(delta), nominal, tried, bound, cells, reason, proof.method)
 
 
-def hindrance(parts: "Sequence[BoxLoop]", at: "Callable[[Array], NormBounds]", delta: Array) -> str:
-    """Return why there is no bound to be looked for; empty where there may be one.
-
-    The loops that are proved are those whose norms were found: they are compared at the worst point, or what is nearest to it
-    in a part of the box, in the middle, and at points drawn.
-    """
-    for part in parts:
-        nearest = np.clip((delta - part.cell.middle) / part.cell.reach, -1.0, 1.0)
-        drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
-        for point in (nearest, 0.0 * delta, *drawn):
-            if not stable(value_at(part.pencils, point)):
-                return "a pole that does not decay hides from these signals"
-            here, there = at(part.cell.point(point)), matrices_norm(part.at(point))
-            known = [(x.lower_bound, x.upper_bound if x.verified else x.lower_bound) for x in (here, there)]
-            if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
-                return f"two routes to the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
-    return "" if at(delta).lower_bound > 0.0 else "nothing comes through at any point tried"
-
-
-class _Bound(Statement):
+class _Level(Statement):
     """That no norm over a box reaches a level, which is raised where a worse point is met, and where cells run out."""
 
     def __init__(self, at: "Callable[[Array], NormBounds]", worst: Array, gap: float) -> None:
@@ -284,28 +263,41 @@ class _Bound(Statement):
         return True
 
 
-def _bounded(
-    loops: BoxLoops,
-    judged: Lti,
-    at: "Callable[[Array], NormBounds]",
-    delta: Array,
-    tolerance: float,
-    limit: int,
-) -> tuple[Array, float, BoxProof, str]:
-    """Return the worst point, a level proved over the whole box, how, and why there is none."""
+def _proved(loops: BoxLoops, judged: Lti, level: _Level, limit: int) -> tuple[BoxProof, str]:
+    """Prove a level between the signals of a loop, and return why it is not proved."""
     try:
         parts = loops.parts(judged.input_labels, judged.output_labels)
     except ValueError as error:
-        return delta, inf, BoxProof(False), str(error)
-    if reason := hindrance(parts, at, delta):
-        return delta, inf, BoxProof(False), reason
-    bound = _Bound(at, delta, tolerance)
-    result = prove_box(parts, bound, limit / WORTH)
+        return BoxProof(False), str(error)
+    if reason := _hindrance(parts, level):
+        return BoxProof(False), reason
+    result = prove_box(parts, level, limit / WORTH)
     if result.proved:
-        drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(delta)))
-        if max(at(point).lower_bound for point in drawn) > bound.level:
-            raise ArithmeticError(f"worst_case: a norm above the level proved, {bound.level:.9g}, at a point drawn")
-        return bound.worst, bound.level, result, ""
-    if result.refuted is not None or bound.level == inf:
-        return (bound.worst if result.refuted is None else result.refuted), inf, result, _LOST
-    return bound.worst, inf, result, f"it would take more than max_cells = {limit} at {bound.level:.5g}"
+        drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(level.worst)))
+        if max(level.at(point).lower_bound for point in drawn) > level.level:
+            raise ArithmeticError(f"worst_case: a norm above the level proved, {level.level:.9g}, at a point drawn")
+        return result, ""
+    if result.refuted is not None:
+        level.worst = result.refuted
+    elif level.level < inf:
+        return result, f"it would take more than max_cells = {limit} at {level.level:.5g}"
+    return result, _LOST
+
+
+def _hindrance(parts: "Sequence[BoxLoop]", level: _Level) -> str:
+    """Return why there is no bound to be looked for; empty where there may be one.
+
+    The loops that are proved are those whose norms were found: they are compared at the worst point, or what is nearest to it
+    in a part of the box, in the middle, and at points drawn.
+    """
+    for part in parts:
+        nearest = np.clip((level.worst - part.cell.middle) / part.cell.reach, -1.0, 1.0)
+        drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(nearest)))
+        for point in (nearest, 0.0 * nearest, *drawn):
+            if not stable(value_at(part.pencils, point)):
+                return "a pole that does not decay hides from these signals"
+            here, there = level.at(part.cell.point(point)), matrices_norm(part.at(point))
+            known = [(x.lower_bound, x.upper_bound if x.verified else x.lower_bound) for x in (here, there)]
+            if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
+                return f"two routes to the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
+    return "" if level.lower > 0.0 else "nothing comes through at any point tried"
