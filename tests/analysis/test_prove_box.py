@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box import prove
-from boomctl.analysis.box.level import BoxLoop
+from boomctl.analysis.box.level import LoopPart
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.polynomials import Cell, within
 from boomctl.analysis.box.response_cells import ResponseCells
@@ -25,7 +25,7 @@ def alone(pencils, missed=0.0, cell=None):
     """Return a loop that nothing drives over a box of parameters, or a part of it."""
     n, cell = len(pencils[()][0]), cell or Cell.whole(1)
     none = np.zeros((n, 1))
-    return BoxLoop(cell, within(pencils, cell), {(): none}, none.T, np.zeros((1, 1)), (missed * np.ones((n, n)), none))
+    return LoopPart(cell, within(pencils, cell), {(): none}, none.T, np.zeros((1, 1)), (missed * np.ones((n, n)), none))
 
 
 def proved(pencils, cell, missed=0.0):
@@ -67,7 +67,7 @@ def driven(rng, size):
     C, D = rng.standard_normal((2, size)), 0.3 * rng.standard_normal((2, 2))
     share = rng.choice([0.0, rng.uniform(0.0, 0.03)])
     missed = share * rng.random((size, size)), share * rng.random((size, 2))
-    return BoxLoop(Cell.whole(2), image(A), B, C, D, missed, 0.1), A
+    return LoopPart(Cell.whole(2), image(A), B, C, D, missed, 0.1), A
 
 
 @pytest.mark.slow
@@ -205,7 +205,7 @@ def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_
 def test_a_level_that_does_not_hold_is_never_proved(monkeypatch):
     """Instability met by the last cells that wait raises the level beyond all bounds."""
     loops = driven(np.random.default_rng(1), 2)[0]
-    monkeypatch.setattr(BoxLoop, "prover", lambda self, level: lambda cell: 0)
+    monkeypatch.setattr(LoopPart, "prover", lambda self, level: lambda cell: 0)
     statement = prove.Statement(lambda point: True, 1e9)
     monkeypatch.setattr(statement, "met", lambda gain, point: setattr(statement, "level", np.inf))
     found = prove.prove_box([loops], statement, 500)

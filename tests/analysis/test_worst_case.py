@@ -138,6 +138,17 @@ def loops_with_speeds(rng, half):
     return family, control.ss(A, B, C, D, inputs=read, outputs="u"), ["push"], ["y", "z"]
 
 
+def loops_with_speeds_of_platform(rng, half):
+    """Return a half of the boom whose speeds, relative to a platform that moves it, are measured."""
+    family = bc.with_state_outputs(bc.boom_family(subsystem=half))
+    end = {"jolt": "sym", "yaw": "anti"}[half]
+    read = [name for name in family.nominal.output_labels if name.endswith("_x2")] + [f"stroke_{end}"]
+    size = len(read)
+    B, C, D = (rng.standard_normal(shape) for shape in ((2, size), (1, 2), (1, size)))
+    K = control.ss(-3.0 * np.eye(2), B, 9.0 * C, 5.0 * D, inputs=read, outputs=f"suspension_{end}")
+    return family, K, [f"actuator_{end}"], [f"stroke_{end}", f"tip_{end}"]
+
+
 def loops_with_filters(rng, half):
     """Return a half of the boom with accelerometers behind filters, and a controller that reads one."""
     family = bc.boom_family(subsystem=half, accelerometer_bandwidth_hz=20.0)
@@ -161,6 +172,7 @@ def loops_with_feedthrough(rng, half):
     [
         (loops_with_speeds, None),
         (loops_with_feedthrough, None),
+        (loops_with_speeds_of_platform, "yaw"),
         (loops_with_filters, "jolt"),
         (loops_with_filters, "yaw"),
     ],

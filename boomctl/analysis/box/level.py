@@ -32,7 +32,7 @@ from boomctl.lti.system import Lti
 
 
 @dataclass(frozen=True)
-class BoxLoop:
+class LoopPart:
     """A loop over a part of a box, from what drives it to what is judged; neither for stability alone.
 
     Attributes

@@ -2,8 +2,7 @@
 
 In continuous time a loop is ``E x' = A x + B w``, ``z = C x + D w`` with polynomials of the parameters.  States are
 coordinates, velocities, two of each output's filter, and those of the controller.  Where something drives the loop, momenta
-stand in place of velocities, so that no derivative of what comes in appears; what a measured speed brings of one moves to the
-states that it acts on.
+stand in place of velocities, so that no derivative of what comes in appears.
 """
 
 from __future__ import annotations
@@ -17,8 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.level import BoxLoop
-from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, product_of, stacked, sum_of, value_at, within
+from boomctl.analysis.box.level import LoopPart
+from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, product_of, sum_of, value_at, within
 from boomctl.analysis.box.sampled import sampled_loops, sampled_parts
 from boomctl.analysis.box.scheduled import ScheduledController, frozen
 from boomctl.analysis.loops import Loop, injected, joined, signals_of
@@ -49,14 +48,14 @@ class BoxLoops:
         ``K``.
     delay : float
         Of a sampled loop [s].
-    alone : sequence of BoxLoop
+    alone : sequence of LoopPart
         Parts that cover the box, without what drives the loop; none of a sampled loop, whose parts take long.
     """
 
     family: Family
     controller: Lti | ScheduledController
     delay: float
-    alone: Sequence[BoxLoop]
+    alone: Sequence[LoopPart]
 
     @classmethod
     def of(cls, family: Family, controller: control.StateSpace | ScheduledController, delay: float = 0.0) -> BoxLoops:
@@ -109,7 +108,7 @@ class BoxLoops:
         """Return whether the loop is stable at a point."""
         return bool((sides(self.poles(delta), self.controller.dt) < 0).all())
 
-    def parts(self, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Sequence[BoxLoop]:
+    def parts(self, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Sequence[LoopPart]:
         """Return the loops between signals, of :meth:`Loop.closed`, in parts that cover the box; without any for stability.
 
         Raises
@@ -126,7 +125,7 @@ class BoxLoops:
 
 def _continuous(
     family: Family, K: Lti | ScheduledController, inputs: Sequence[str], outputs: Sequence[str]
-) -> Iterator[BoxLoop]:
+) -> Iterator[LoopPart]:
     """Yield the loops in continuous time, one a straight line of the controller."""
     ports, axis, ends = family.nominal.ports, 0, [-1.0, 1.0]
     acting = [ports.inputs.index(name) for name in K.output_labels]
@@ -155,7 +154,7 @@ def _continuous(
         cell.middle[axis], cell.reach[axis] = 0.5 * (low + high), 0.5 * (high - low)
         pencils, B, C, D = _closed(family, law, (K.input_labels, K.output_labels), inputs, outputs)
         missed = np.zeros_like(pencils[()][0]), np.zeros_like(B[()])
-        yield BoxLoop(cell, within(pencils, cell), within(B, cell), C, D, missed)
+        yield LoopPart(cell, within(pencils, cell), within(B, cell), C, D, missed)
 
 
 def controller_at(family: Family, K: Lti | ScheduledController, delta: Array) -> Lti:
@@ -261,22 +260,16 @@ def _closed(
     z = sum_of({q: pick @ line[0] for q, line in lines.items()}, product_of({(): through}, sent))
     unfit = [
         *(X.B[2] @ forced for X in (ports, *(change for _, change in family.coefficients))),
-        *(X for line in lines.values() for X in (line[2], pick @ line[1])),
+        *(X for line in lines.values() for X in (line[2], line[1, :, size:], pick @ line[1])),
         *(ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in judged),
     ]
     if any(X.any() for X in unfit):
         raise ValueError("`outputs` must be places, or accelerations behind a filter; measured ones may be speeds.")
     if any((through @ X).any() for X in late.values()):
         raise ValueError("`controller` must send no speed on at once where what it sends is judged.")
-    # what acts by its derivative moves to the states that it acts on
-    both = stacked(A, z)
-    free, R = {q: X[:, :size] for q, X in both.items()}, {q: -X[:, size:] for q, X in E.items() if X[:, size:].any()}
-    driven = sum_of({q: X[:, size:] for q, X in both.items()}, product_of(free, R))
-    if any(X[size:].any() for total in (free, driven) for q, X in total.items() if q):
+    if any(X.any() for q, X in z.items() if q):
         raise ValueError("`outputs` must not change with the parameters in continuous time; of sampled loops they may.")
-    pencils = {
-        q: np.array([E[q][:, :size], free.get(q, np.zeros((size, size)))[:size]]) for q in dict.fromkeys((*E, *free))
-    }
+    pencils = {q: np.array([E[q], A[q]])[:, :, :size] for q in dict.fromkeys((*E, *A))}
 
     def alone(i: int) -> bool:
         """Return whether nothing in the loop feels a state."""
@@ -285,8 +278,8 @@ def _closed(
 
     kept = [i for i in range(size) if outputs or i not in family._unfelt or not alone(i)]
     pencils = {q: X[:, kept][:, :, kept] for q, X in pencils.items() if not q or X.any()}
-    B = {q: X[kept] for q, X in driven.items() if not q or X.any()}
-    return pencils, B, free[()][size:, kept], driven[()][size:]
+    B = {q: X[kept, size:] for q, X in A.items() if not q or X[:, size:].any()}
+    return pencils, B, z[()][:, kept], z[()][:, size:]
 
 
 def _add(total: Sums, rows: slice, terms: Polynomial, sign: float = 1.0) -> None:

@@ -15,7 +15,7 @@ from math import inf
 
 import numpy as np
 
-from boomctl.analysis.box.level import BoxLoop
+from boomctl.analysis.box.level import LoopPart
 from boomctl.analysis.box.polynomials import Cell
 from boomctl.arrays import Array
 from boomctl.progress import tell
@@ -84,12 +84,12 @@ class BoxProof:
         return " and ".join(f"{count} {kind}" for count, kind in kinds if count) if self.proved else ""
 
 
-def prove_box(parts: Sequence[BoxLoop], statement: Statement, limit: float) -> BoxProof:
+def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> BoxProof:
     """Prove a statement over a box.
 
     Parameters
     ----------
-    parts : sequence of BoxLoop
+    parts : sequence of LoopPart
         What covers the box.
     statement : Statement
         What is to be proved.
@@ -105,7 +105,7 @@ def prove_box(parts: Sequence[BoxLoop], statement: Statement, limit: float) -> B
     return result
 
 
-def _proved(part: BoxLoop, statement: Statement, limit: float) -> BoxProof:
+def _proved(part: LoopPart, statement: Statement, limit: float) -> BoxProof:
     """Prove a part: cells that wait are proved in either way, or halved."""
     size = len(part.cell.middle)
 

@@ -34,7 +34,7 @@ from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS
 
 if TYPE_CHECKING:
-    from boomctl.analysis.box.level import BoxLoop
+    from boomctl.analysis.box.level import LoopPart
 
 _Terms = dict[tuple[int, ...], Array]
 """A series: of each product of variables its coefficient, in all cells."""
@@ -137,7 +137,7 @@ class ResponseCells:
     size: int
 
     @classmethod
-    def of(cls, loop: BoxLoop) -> ResponseCells:
+    def of(cls, loop: LoopPart) -> ResponseCells:
         """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal."""
         pencils, B = loop.pencils, loop.B
         balanced, scale = balance(np.linalg.solve(*pencils[()]))

@@ -268,7 +268,8 @@ def robust_stability_margin(
     family, controller, max_cells, delay
         As for :func:`robust_stability`; of sampled loops, each enlarged box takes as long as one there.
     max_factor : float
-        The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
+        The box is not enlarged beyond this factor; where no instability is known up to there, ``upper_bound`` is
+        infinite.
     rtol : float
         Wanted relative distance of the two bounds.
     progress : callable, optional

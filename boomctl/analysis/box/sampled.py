@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from boomctl.analysis.box.level import BoxLoop
+from boomctl.analysis.box.level import LoopPart
 from boomctl.analysis.box.polynomials import Cell, Polynomial, stacked
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array, balance
@@ -40,7 +40,9 @@ _FAST = "the sampled loop changes too fast over the box"
 _SPARE = 10.0  # times what they miss there that they are taken to miss anywhere (a choice)
 
 
-def sampled_parts(family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float) -> list[BoxLoop]:
+def sampled_parts(
+    family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float
+) -> list[LoopPart]:
     """Return the loops ``u = K y`` of a discrete controller, in parts that cover the box.
 
     Without signals nothing drives or judges them.
@@ -65,7 +67,7 @@ def sampled_parts(family: Family, K: Lti, inputs: Sequence[str], outputs: Sequen
     return result
 
 
-def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: Sequence[Sequence[int]]) -> BoxLoop:
+def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: Sequence[Sequence[int]]) -> LoopPart:
     """Return the loop over a part of the box, known at so many points of each parameter's range."""
     exact = _EXACT / SOLVED
     terms, off, miss = fitted(at, counts, at(tried_points(len(counts))), _negligible, exact, _FAST, groups)
@@ -77,7 +79,7 @@ def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: S
         p, n = C[()].shape
         A, B, off_A, off_B = stacked(A, C, p), stacked(B, D), stacked(off_A, off_C, p), stacked(off_B, off_D)
         C, D = {(): np.eye(p, n + p, n)}, {(): np.zeros_like(D[()])}
-    return BoxLoop(cell, image(A), B, C[()], D[()], (off_A[()], off_B[()]), dt)
+    return LoopPart(cell, image(A), B, C[()], D[()], (off_A[()], off_B[()]), dt)
 
 
 def image(A: Polynomial) -> dict[tuple[int, ...], Array]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import pairwise, product
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -50,19 +50,17 @@ def small_gain(family: Family, K: Any, unmodelled: control.StateSpace, delay: fl
     bounds = _bounds(K, unmodelled)
     unit = np.ones((len(K.input_labels), len(K.output_labels)))
     if unit.size > 1:
-        wide, weighed, points = _joined(family, K, bounds, unit)
-        loop = joined(wide.nominal, weighed, delay if K.dt else None).closed([*sum(points, ())])
+        loop = joined(family.nominal, K, delay if K.dt else None).closed(K.input_labels)
+        added = [injected(y) for y in K.input_labels for _ in K.output_labels]
         gains = [
-            [matrices_norm(loop.select([*map(injected, own)], u)).lower_bound for own in points]
+            [matrices_norm(series(W, loop.select(y, u))).lower_bound for y, W in zip(added, bounds, strict=True)]
             for u in K.output_labels
         ]
         # an entry sees the control that drives it
         unit = balance(np.tile(np.eye(len(K.output_labels)), len(K.input_labels)).T @ gains)[1].reshape(unit.shape)
     wide, weighed, points = _joined(family, K, bounds, unit)
-    around = [*sum(points, ())]
-
-    signals: Any = [*map(injected, around)], K.output_labels
-    worst = partial(worst_case, wide, weighed, *signals, max_cells=max_cells, delay=delay, injection_points=around)
+    signals: Any = [*map(injected, points)], K.output_labels
+    worst = partial(worst_case, wide, weighed, *signals, max_cells=max_cells, delay=delay, injection_points=points)
     found = worst(rtol=None)
     if found.lower_bound >= 1.0 - ROOT:
         return found
@@ -116,16 +114,16 @@ def _folded(W: Lti, dt: float) -> Lti:
     return Lti(Phi, B, W.C * size, np.zeros((1, len(B))), dt=dt)
 
 
-def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple[Family, Lti, list[tuple[str, ...]]]:
-    """Return family, controller and the injection points of each entry, whose signals have size one within the bound.
+def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple[Family, Lti, tuple[str, ...]]:
+    """Return family, controller and injection points of the entries, whose signals have size one within their bounds.
 
     The injection points are outputs of the family that are zero; the controller weighs what is injected there.  ``unit`` are
     the units of the entries, (p, m); controls are in units in which their size is that of all entries which they drive.
     """
     (p, m), ports = unit.shape, family.nominal.ports
     size = np.sqrt(np.square(1.0 / unit).sum(axis=0))
-    ends = np.cumsum([0, *(entry.B.shape[1] for entry in bounds)])
-    names = tuple(f"unmodelled {k + 1}" for k in range(ends[-1]))
+    entries = append(*bounds)
+    names = tuple(f"unmodelled {k + 1}" for k in range(entries.B.shape[1]))
     into, out_of = np.eye(len(ports.inputs)), np.eye(len(ports.outputs), len(ports.outputs) + len(names))
     for name, own in zip(K.output_labels, size, strict=True):
         into[:, ports.inputs.index(name)] /= own
@@ -136,8 +134,7 @@ def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple
     )
     plants = replace(family, nominal=SecondOrderModel.of(family.nominal.structure, wide), coefficients=changes)
     rows = np.kron(np.eye(p), np.ones(m)) * unit.ravel()  # which output an entry adds to, in its unit
-    entries = append(*bounds)
     B, D = np.hstack([np.zeros((len(entries.A), p)), entries.B]), np.hstack([np.eye(p), rows @ entries.D])
     weights = Lti(entries.A, B, rows @ entries.C, D, (*K.input_labels, *names), K.input_labels, dt=K.dt)
     weighed = series(weights, replace(K, C=size[:, None] * K.C, D=size[:, None] * K.D, state_labels=()))
-    return plants, weighed, [names[a:b] for a, b in pairwise(ends)]
+    return plants, weighed, names

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     import control
 
-    from boomctl.analysis.box.level import BoxLoop
+    from boomctl.analysis.box.level import LoopPart
     from boomctl.analysis.box.scheduled import ScheduledController
 
 _CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
@@ -284,7 +284,7 @@ def _proved(loops: BoxLoops, judged: Lti, level: _Level, limit: int) -> tuple[Bo
     return result, _LOST
 
 
-def _hindrance(parts: "Sequence[BoxLoop]", level: _Level) -> str:
+def _hindrance(parts: "Sequence[LoopPart]", level: _Level) -> str:
     """Return why there is no bound to be looked for; empty where there may be one.
 
     The loops that are proved are those whose norms were found: they are compared at the worst point, or what is nearest to it
