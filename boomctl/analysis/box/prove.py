@@ -10,7 +10,8 @@ of parameters and frequencies, as many as take as long as the cells of parameter
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from math import inf
 
 import numpy as np
@@ -96,52 +97,42 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
     limit : float
         Most cells of parameters in each part at a level, one at least; none is smaller than that share of the part.
     """
-    result = BoxProof(True)
-    for part in parts:
-        here = _proved(part, statement, limit)
-        result = replace(here, dear=result.dear + here.dear, cheap=result.cheap + here.cheap)
-        if not result.proved:
-            break
-    return result
+    dear, cheap = 0, 0
 
-
-def _proved(part: LoopPart, statement: Statement, limit: float) -> BoxProof:
-    """Prove a part: cells that wait are proved in either way, or halved."""
-    size = len(part.cell.middle)
-
-    def met(gain: float, point: Array) -> float:
+    def met(part: LoopPart, gain: float, point: Array) -> float:
         statement.met(gain, part.cell.point(point))
         return statement.level
 
-    waiting, tried, dear, cheap = [Cell.whole(size)], 0, 0, 0
-    level = statement.level
-    prove = part.prover(level)
-    while waiting:
-        tell("cells of the box proved", dear + cheap)
-        cell, tried = waiting.pop(), tried + 1
-        axis = prove(cell)
-        if axis is None:
-            dear += 1
-            continue
-        middle = part.cell.point(cell.middle)
-        if not statement.holds(middle):
-            return BoxProof(False, dear, cheap, middle)
-        # halves of halves: twice as many are tried as are proved
-        last = cell.reach.max() < 1.0 / limit or tried >= 2.0 * limit
-        if size <= _MOST_PARAMETERS and (last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1):
-            count = part.responses.prove(cell, statement.level, int(min(_SHARE, limit) * WORTH), met)
-            if statement.level == inf:
-                return BoxProof(False, dear, cheap)
-            if count is not None:
-                cheap += count
+    for part in parts:
+        waiting, tried, level = [Cell.whole(len(part.cell.middle))], 0, statement.level
+        prove = part.prover(level)
+        while waiting:
+            tell("cells of the box proved", dear + cheap)
+            cell, tried = waiting.pop(), tried + 1
+            axis = prove(cell)
+            if axis is None:
+                dear += 1
                 continue
-        if not last:
-            waiting += cell.halves(axis)
-        elif statement.looser():
-            waiting, tried = [*waiting, cell], 0
-        else:
-            return BoxProof(False, dear, cheap, None, middle)
-        if statement.level > level:
-            level = statement.level
-            prove = part.prover(level)
+            middle = part.cell.point(cell.middle)
+            if not statement.holds(middle):
+                return BoxProof(False, dear, cheap, middle)
+            # halves of halves: twice as many are tried as are proved
+            last = cell.reach.max() < 1.0 / limit or tried >= 2.0 * limit
+            if last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
+                most = int(min(_SHARE, limit) * WORTH) * (len(middle) <= _MOST_PARAMETERS)
+                count = part.responses.prove(cell, statement.level, most, partial(met, part))
+                if statement.level == inf:
+                    return BoxProof(False, dear, cheap)
+                if count is not None:
+                    cheap += count
+                    continue
+            if not last:
+                waiting += cell.halves(axis)
+            elif statement.looser():
+                waiting, tried = [*waiting, cell], 0
+            else:
+                return BoxProof(False, dear, cheap, None, middle)
+            if statement.level > level:
+                level = statement.level
+                prove = part.prover(level)
     return BoxProof(True, dear, cheap)
