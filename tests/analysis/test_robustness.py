@@ -1,7 +1,5 @@
 """Stability over boxes of parameters: closed forms, no proof where a point is unstable, bounds in order."""
 
-import re
-
 import control
 import numpy as np
 import pytest
@@ -12,7 +10,7 @@ from boomctl import gain_schedule
 from boomctl.analysis import hinf_norm, robust_stability, robust_stability_margin, worst_case
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
-from boomctl.boom import boom_family, yaw_family
+from boomctl.boom import boom_family
 from boomctl.identification.families import names_of_mode, of_modes
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
@@ -67,14 +65,6 @@ def test_the_search_ends_at_the_first_point_where_the_loop_is_unstable():
     assert found.spectral_abscissa == pytest.approx(np.sqrt(2.0), rel=0.01)
 
 
-def test_the_passive_boom_is_stable_over_the_whole_box():
-    none = control.ss([], [], [], [[0.0]], inputs=["stroke_anti"], outputs=["suspension_anti"])
-    found = robust_stability(boom_family(subsystem="yaw"), none)
-    assert found.proved
-    assert found.cells < 50
-    assert robust_stability(yaw_family(subsystem="yaw"), none).proved
-
-
 def test_verdicts_read_as_what_they_are():
     family = oscillators({"k": (3.0, 5.0)})
     stable, unstable = robust_stability(family, feedback(1.0)), robust_stability(family, feedback(3.5))
@@ -96,7 +86,7 @@ def test_a_proof_that_is_given_up_says_where_and_why(limit, width):
     else:
         assert found.destabilizing_values is None
         assert found.message.startswith("given up at k = ")
-        assert re.search(f"(more than max_cells = {limit}|a cell of 1/{limit} of the box)", found.message)
+        assert f"more than max_cells = {limit}, or smaller ones than 1/{limit} of the box" in found.message
         assert found.message in found.summary
     assert not robust_stability(oscillators({"k": (3.0, 5.0)}), feedback(1.0)).message
 
