@@ -1,5 +1,7 @@
 """One proof over a box: cells of parameters first, those of frequencies for what is left; what is missed is counted."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -8,21 +10,27 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.analysis.box import prove
-from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.level import LoopPart
 from boomctl.analysis.box.loops import BoxLoops
-from boomctl.analysis.box.sampled_level import SampledLoops
-from boomctl.analysis.box.zero_exclusion import Cell, CellProof, prove_cell
+from boomctl.analysis.box.polynomials import Cell, within
+from boomctl.analysis.box.response_cells import ResponseCells
+from boomctl.analysis.box.sampled import image
 from boomctl.analysis.norm import matrices_norm
 from tests.analysis.loop_cases import Walls, sampled
 from tests.profiles import examples
 from tests.strategies import seeds
 
 
-def image(sampled):
-    """Return ``x+ = A x``, ``A`` a polynomial of parameters, as the pencil on the imaginary axis."""
-    eye = np.eye(len(sampled[()]))
-    shifted = {power: LoopPencil(A, A) for power, A in sampled.items() if power}
-    return {(): LoopPencil(sampled[()] + eye, sampled[()] - eye), **shifted}
+def alone(pencils, missed=0.0, cell=None):
+    """Return a loop that nothing drives over a box of parameters, or a part of it."""
+    n, cell = len(pencils[()][0]), cell or Cell.whole(1)
+    none = np.zeros((n, 1))
+    return LoopPart(cell, within(pencils, cell), {(): none}, none.T, np.zeros((1, 1)), (missed * np.ones((n, n)), none))
+
+
+def proved(pencils, cell, missed=0.0):
+    """Return whether a loop that nothing drives is proved stable over a cell."""
+    return alone(pencils, missed).prover(1.0)(cell) is None
 
 
 def polynomials(rng, size, count):
@@ -43,7 +51,7 @@ def test_a_cell_is_proved_only_if_all_that_the_polynomial_may_stand_for_is_stabl
     rng = np.random.default_rng(seed)
     sampled, missed = polynomials(rng, size, count), rng.uniform(0.0, 0.1) * rng.random((size, size))
     cell = Cell(rng.uniform(-1.0, 1.0, count) * (1.0 - reach), np.full(count, reach))
-    if not prove_cell(image(sampled), cell, missed).proved:
+    if not proved(image(sampled), cell, missed):
         return
     delta = cell.middle + reach * rng.uniform(-1.0, 1.0, (200, count))
     delta[:100] = cell.middle + reach * rng.choice([-1.0, 1.0], (100, count))
@@ -59,7 +67,7 @@ def driven(rng, size):
     C, D = rng.standard_normal((2, size)), 0.3 * rng.standard_normal((2, 2))
     share = rng.choice([0.0, rng.uniform(0.0, 0.03)])
     missed = share * rng.random((size, size)), share * rng.random((size, 2))
-    return SampledLoops(Cell(np.zeros(2), np.ones(2)), A, B, C, D, missed, 0.1)
+    return LoopPart(Cell.whole(2), image(A), B, C, D, missed, 0.1), A
 
 
 @pytest.mark.slow
@@ -68,28 +76,28 @@ def driven(rng, size):
 def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach, size):
     """Gains on the whole circle, of every loop within ``missed`` of the polynomials; where there is room it is proved."""
     rng = np.random.default_rng(seed)
-    loops = driven(rng, size)
+    loops, A = driven(rng, size)
     cell = Cell(rng.uniform(-1.0, 1.0, 2) * (1.0 - reach), np.full(2, reach))
     delta = cell.middle + reach * rng.uniform(-1.0, 1.0, (100, 2))
     delta[:4] = cell.middle + reach * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
     A, B = (
         sum(np.prod(delta[:, list(power)], axis=1)[:, None, None] * X for power, X in terms.items())
         + np.where(rng.random((100, 1, 1)) < 0.5, 1.0, rng.choice([-1.0, 1.0], (100, *off.shape))) * off
-        for terms, off in zip((loops.A, loops.B), loops.missed, strict=True)
+        for terms, off in zip((A, loops.B), loops.missed, strict=True)
     )
     stable = np.abs(np.linalg.eigvals(A)).max() < 1.0
     z = np.exp(1j * np.linspace(0.0, np.pi, 60))[:, None, None, None]
     G = loops.C @ np.linalg.solve(z * np.eye(size) - A, np.broadcast_to(B, (60, *B.shape)) + 0j) + loops.D
     largest = np.linalg.norm(G, 2, axis=(2, 3)).max()
     for share in (0.7, 0.999, 1.01, 2.0):
-        if loops.prover(share * largest)(cell).proved:
+        if loops.prover(share * largest)(cell) is None:
             assert stable
             assert share > 1.0
     small = Cell(cell.middle, np.full(2, 1e-6))
-    exact = SampledLoops(loops.cell, loops.A, loops.B, loops.C, loops.D, (0.0 * A[0], 0.0 * B[0]), 0.1)
+    exact = replace(loops, missed=(0.0 * A[0], 0.0 * B[0]))
     norm = matrices_norm(exact.at(cell.middle))
     if norm.certified and np.abs(np.linalg.eigvals(exact.at(cell.middle).A)).max() < 0.999:
-        assert exact.prover(1.05 * norm.upper_bound)(small).proved
+        assert exact.prover(1.05 * norm.upper_bound)(small) is None
 
 
 @given(st.floats(-0.9, 0.9), st.floats(0.01, 0.9))
@@ -98,30 +106,38 @@ def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, sha
     """``|a + d b + e| < 1`` for all ``|d| <= 1``, ``|e| <= m`` where ``|a| + b + m < 1``."""
     room = 1.0 - abs(middle)
     terms = image({(): np.array([[middle]]), (0,): np.array([[share * room]])})
-    whole, rest = Cell(np.zeros(1), np.ones(1)), (1.0 - share) * room
-    assert not prove_cell(terms, whole, np.array([[1.001 * rest]])).proved
-    part = prove.StablePart(whole, terms, np.array([[0.6 * rest]]))
-    stable = prove.Statement.stable(lambda delta: True)
-    assert prove.prove_box([part], stable, 500).dear
+    rest = (1.0 - share) * room
+    assert not proved(terms, Cell.whole(1), 1.001 * rest)
+    assert prove.prove_box([alone(terms, 0.6 * rest)], prove.Statement(lambda delta: True), 500).dear
 
 
 @pytest.mark.parametrize("slope", [1.0, -1.0])
 def test_box_with_one_unstable_part_is_not_proved(slope):
     """``x' = (slope d - 1/2) x`` is stable over one half of the box alone; ``x' = (slope d/4 - 1/2) x`` over both."""
     halves = [Cell(np.array([middle]), np.array([0.5])) for middle in (-0.5, 0.5)]
-    for share, proved in ((1.0, False), (0.25, True)):
-        change = LoopPencil(np.zeros((1, 1)), np.array([[share * slope]]))
-        terms = {(): LoopPencil(np.eye(1), np.array([[-0.5]])), (0,): change}
-        stable = prove.Statement.stable(lambda delta, share=share: share * slope * delta[0] < 0.5)
-        found = prove.prove_box([prove.StablePart.of(terms, half) for half in halves], stable, 500)
-        assert found.proved == proved
+    for share, expected in ((1.0, False), (0.25, True)):
+        terms = {(): np.array([[[1.0]], [[-0.5]]]), (0,): np.array([[[0.0]], [[share * slope]]])}
+        stable = prove.Statement(lambda delta, share=share: share * slope * delta[0] < 0.5)
+        found = prove.prove_box([alone(terms, cell=half) for half in halves], stable, 500)
+        assert found.proved == expected
 
 
-def test_a_singular_matrix_before_the_derivative_is_not_proved():
-    """A pole at minus one has its image at infinity."""
-    terms = image({(): np.diag([-1.0, 0.5]), (0,): 0.1 * np.eye(2)})
-    assert not prove_cell(terms, Cell(np.zeros(1), np.ones(1))).proved
-    assert not prove_cell(terms, Cell(np.array([0.5]), np.array([0.5]))).proved  # singular at its end
+TURNING = {(): np.array([np.eye(2), [[-0.1, 3.0], [-3.0, -0.1]]]), (0,): np.array([np.zeros((2, 2)), np.eye(2)])}
+# A pole at minus one has its image at infinity: the matrix before the derivative is singular.
+SINGULAR = image({(): np.diag([-1.0, 0.5]), (0,): 0.1 * np.eye(2)})
+
+
+@pytest.mark.parametrize(
+    ("terms", "middle", "reach", "expected"),
+    [
+        (TURNING, 0.0, 0.099, True),
+        (TURNING, 0.0, 0.101, False),
+        (SINGULAR, 0.0, 1.0, False),
+        (SINGULAR, 0.5, 0.5, False),
+    ],
+)
+def test_cell_is_proved_where_no_pole_crosses(terms, middle, reach, expected):
+    assert proved(terms, Cell(np.array([middle]), np.array([reach]))) == expected
 
 
 def masses(rng, count, parameters, light, spread):
@@ -162,7 +178,7 @@ def test_what_is_proved_is_stable_at_every_point_drawn(seed, parameters, late):
 def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
     """Cells of parameters and frequencies alone would be 17 to 45; here nobody asks them."""
     family, K = masses(np.random.default_rng(seed), 3, 2, 0.005, 0.15)
-    monkeypatch.delattr(prove.ResponseCells, "look")
+    monkeypatch.delattr(ResponseCells, "look")
     found = bc.robust_stability(family, sampled(K, 0.1), delay=0.05)
     assert found.proved
     assert found.cells <= 4
@@ -172,12 +188,12 @@ def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
 @pytest.mark.slow
 def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_rest():
     family, K = masses(np.random.default_rng(0), 2, 4, 0.1, 0.4)
-    waiting, tried = [Cell(np.zeros(4), np.ones(4))], 0
-    prover = BoxLoops.of(family, K).parts(1.0)[0].prover(1.0)
+    waiting, tried = [Cell.whole(4)], 0
+    prover = BoxLoops.of(family, K).parts()[0].prover(1.0)
     while waiting and tried < 200:
         cell, tried = waiting.pop(), tried + 1
-        proof = prover(cell)
-        waiting += [] if proof.proved else cell.halves(proof.axis)
+        axis = prover(cell)
+        waiting += [] if axis is None else cell.halves(axis)
     assert waiting
     found = bc.robust_stability(family, K, 100)
     assert found.proved
@@ -186,21 +202,12 @@ def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_
     assert max(bc.feedback_loop(family.at(point), K).poles().real.max() for point in points) < 0.0
 
 
-def test_a_level_that_does_not_hold_is_never_proved():
+def test_a_level_that_does_not_hold_is_never_proved(monkeypatch):
     """Instability met by the last cells that wait raises the level beyond all bounds."""
-    loops = driven(np.random.default_rng(1), 2)
-
-    class Part:
-        cell = loops.cell
-        responses = loops.responses
-
-        def prover(self, level):
-            return lambda cell: CellProof(False, 0)
-
-    told = []
-    statement = prove.Statement(
-        lambda: np.inf if told else 1e9, lambda gain, point: told.append(gain), lambda point: True, lambda: False
-    )
-    found = prove.prove_box([Part()], statement, 500)
-    assert told
+    loops = driven(np.random.default_rng(1), 2)[0]
+    monkeypatch.setattr(LoopPart, "prover", lambda self, level: lambda cell: 0)
+    statement = prove.Statement(lambda point: True, 1e9)
+    monkeypatch.setattr(statement, "met", lambda gain, point: setattr(statement, "level", np.inf))
+    found = prove.prove_box([loops], statement, 500)
+    assert statement.level == np.inf
     assert not found.proved

@@ -96,7 +96,7 @@ REFUSED = [
     (lambda: mode_table(SecondOrderModel([[1.0]], [[2.0]], [[1.0]], {"f": [1.0]}, {"y": [1.0]})), "chain of equals"),
     (lambda: nyquist_stability(chain(1).frequency_response, STILL, [1j, np.nan]), "poles: expected finite numbers"),
     (lambda: nyquist_stability(chain(1).frequency_response, STILL, [[1j]]), "poles: expected numbers in one dim"),
-    (lambda: bc.analysis.robust_stability_margin(family(), K), r"robust_stability and .* have proofs"),
+    (lambda: bc.analysis.robust_stability_margin(family(), SLOW, delay=0.1), r"`delay` must be 0 .*, got 0\.1 s"),
     (lambda: bc.analysis.robust_stability_margin(0, K), "^family = 0: expected AffineFamily or PolynomialFamily"),
     (lambda: bc.robust_stability(family(), SLOW, delay=0.1), r"`delay` must be 0 .*, got 0\.1 s"),
     (lambda: bc.robust_stability(family(), K, delay=1e4), "at most 1000 samples"),

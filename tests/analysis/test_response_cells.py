@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
-from boomctl.analysis.box.zero_exclusion import Cell
+from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.polynomials import Cell, value_at
+from boomctl.analysis.box.sampled import sampled_loops
 from boomctl.arrays import balance
 from boomctl.lti.system import of
 from tests.analysis.loop_cases import Walls
@@ -20,26 +20,19 @@ FAR = 1e12  # stands for an infinite frequency
 def cells_of(case):
     """Return the cells of a box of loops, and its gains by hand where ``j v`` is the frequency, or its bilinear image."""
     signals = ["push"], ["y", "z"]
-    if case.K.isctime():
-        loops = DrivenLoops.of(case.family, of(case.K, "K"), *signals)
-    else:
-        (loops,) = SampledLoops.over(case.family, of(case.K, "K", sampled=True), *signals, case.delay)
+    (loops,) = BoxLoops.of(case.family, case.K, case.delay).parts(*signals)
 
     def gain_at(delta, v):
         at = 1j * np.array([min(v, FAR)])
         at = at if case.K.isctime() else (1.0 + at) / (1.0 - at)
         return np.linalg.norm(case.responses(1.0 + (case.family.high - 1.0) * delta, at, *signals)[0], 2)
 
-    return loops.responses(), gain_at
-
-
-def whole_box(size):
-    return Cell(np.zeros(size), np.ones(size))
+    return loops.responses, gain_at
 
 
 def cut(box, rng, times):
     """Return cells of the box cut as a proof cuts them, and now and then anywhere."""
-    cells = box.start(whole_box(box.size))
+    cells = box.start(Cell.whole(box.size))
     for _ in range(times):
         here = rng.random(len(cells)) < 0.5
         here[rng.integers(len(cells))] = True
@@ -95,7 +88,7 @@ def test_cells_cover_every_point_of_the_box_at_every_frequency(seed, parameters)
 def test_a_bound_of_a_small_cell_is_near_its_largest_gain():
     rng = np.random.default_rng(4)
     box, gain_at = cells_of(Walls(rng, 2))
-    cells = box.start(whole_box(box.size))[:1]
+    cells = box.start(Cell.whole(box.size))[:1]
     for size, near in ((1e-2, 1e-2), (1e-3, 1e-4)):
         ends = np.zeros((1, 2, 3))
         ends[0, :, 0] = 1.3 * (1.0 - size), 1.3 * (1.0 + size)
@@ -111,9 +104,9 @@ def test_polynomials_meet_the_loop_wherever_it_is_drawn():
     case = Walls(np.random.default_rng(4), 3).sampled()
     K = of(case.K, "K", any_time=True)
     raw = sampled_loops(case.family, K, ["push"], ["z"], 0.0)
-    (loops,) = SampledLoops.over(case.family, K, ["push"], ["z"], 0.0)
+    (loops,) = BoxLoops.of(case.family, case.K).parts(["push"], ["z"])
     scale = balance(raw(np.zeros(3)).A)[1]
     for delta in np.random.default_rng(9).uniform(-1.0, 1.0, (50, 3)):
         A = raw(delta).A * scale / scale[:, None]
-        found = sum(np.prod(delta[list(power)]) * X for power, X in loops.A.items())
+        found = 0.5 * value_at(loops.pencils, delta).sum(axis=0)
         assert (np.abs(found - A) <= loops.missed[0]).all()

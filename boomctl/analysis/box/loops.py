@@ -1,267 +1,287 @@
-"""The loops of a family and a controller, which may be scheduled over one of the family's parameters."""
+"""The loops of a family and a controller, which may be sampled, or scheduled over one of the family's parameters.
+
+In continuous time a loop is ``E x' = A x + B w``, ``z = C x + D w`` with polynomials of the parameters.  States are
+coordinates, velocities, two of each output's filter, and those of the controller.  Where something drives the loop, momenta
+stand in place of velocities, so that no derivative of what comes in appears.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loop_pencil import LoopPencil
-from boomctl.analysis.box.prove import StablePart
+from boomctl.analysis.box.level import LoopPart
+from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, product_of, sum_of, value_at, within
+from boomctl.analysis.box.sampled import sampled_loops, sampled_parts
 from boomctl.analysis.box.scheduled import ScheduledController, frozen
-from boomctl.analysis.box.zero_exclusion import Cell, Terms, value_at
-from boomctl.analysis.loops import Loop, joined, signals_of
+from boomctl.analysis.loops import Loop, injected, joined, signals_of
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, known, nonnegative
+from boomctl.lti.modal import sides
 from boomctl.lti.sampled import time_of_loop
-from boomctl.lti.system import Lti, controller_of, lower_lft, of
-from boomctl.structure.families import Family
-from boomctl.structure.model import SecondOrderModel
+from boomctl.lti.system import Lti, controller_of, lower_lft, rates_of, static
+from boomctl.structure.families import Family, Slope
 from boomctl.structure.ports import FILTER_DAMPING
 
 if TYPE_CHECKING:
     import control
 
-
-@dataclass(frozen=True)
-class Stretch:
-    """The part of a box in which a controller is a straight line in one parameter.
-
-    Attributes
-    ----------
-    low, high : float
-        Its ends along that parameter, as ``delta``; infinite where it goes on.
-    terms : Terms
-        The closed loop in it, a polynomial of all ``delta``.
-    """
-
-    low: float
-    high: float
-    terms: Terms
+Sums = defaultdict[tuple[int, ...], Array]
+"""A polynomial that is being summed up."""
 
 
 @dataclass(frozen=True)
 class BoxLoops:
-    """The closed loop over a box of parameters, ``-1 <= delta <= 1``.
+    """The loops ``u = K y`` over a box of parameters, ``-1 <= delta <= 1``.
 
     Attributes
     ----------
     family : Family
         The plants.
-    axis : int
-        The parameter that the controller follows; 0 where it follows none.
-    stretches : tuple of Stretch
-        Side by side along that parameter; one where the controller follows none.
+    controller : Lti or ScheduledController
+        ``K``.
+    delay : float
+        Of a sampled loop [s].
+    alone : sequence of LoopPart
+        Parts that cover the box, without what drives the loop; none of a sampled loop, whose parts take long.
     """
 
     family: Family
-    axis: int
-    stretches: tuple[Stretch, ...]
+    controller: Lti | ScheduledController
+    delay: float
+    alone: Sequence[LoopPart]
 
     @classmethod
-    def of(cls, family: Family, controller: control.StateSpace | ScheduledController) -> BoxLoops:
-        """Return the loops ``u = K y``.
+    def of(cls, family: Family, controller: control.StateSpace | ScheduledController, delay: float = 0.0) -> BoxLoops:
+        """Return the loops.
 
         Raises
         ------
         TypeError, ValueError
-            Other kinds of system; names that do not meet; controls that impose motion; a schedule over no parameter.
+            Other kinds of system; names that do not meet; controls that impose motion; a schedule over no parameter; a delay
+            that the loop cannot have.
         """
         instance("family", family, Family, "AffineFamily or PolynomialFamily")
-        if not isinstance(controller, ScheduledController):
-            K = of(controller_at(family, controller, np.zeros(family.nparameters)), any_time=True)
-            if K.dt != 0.0:
-                raise ValueError(
-                    f"`controller` must be in continuous time, got a sampling time of {exactly(K.dt)} s. Of sampled loops "
-                    "boomctl.robust_stability and boomctl.worst_case have proofs."
-                )
-            signals_of(K, family.nominal.input_labels, family.nominal.output_labels)
-            family, K = without_feedthrough(family, K)
-            return cls(family, 0, (Stretch(-np.inf, np.inf, _terms(family, K, None, 0)),))
-        if controller.dt != 0.0:
-            raise ValueError(f"`controller` must be in continuous time, got a sampling time of {controller.dt:g} s.")
-        known("parameter that the controller follows", controller.signal, family.names)
-        signals_of(controller.systems[0], family.nominal.input_labels, family.nominal.output_labels)
-        axis = family.names.index(controller.signal)
-        middle, width = 0.5 * (family.low + family.high)[axis], 0.5 * (family.high - family.low)[axis]
-        places = (controller.values - middle) / width
-        first, *_, last = controller.systems
-        result = [Stretch(-np.inf, float(places[0]), _terms(family, first, None, axis))]
-        for k, (low, high) in enumerate(pairwise(places.tolist())):
-            a, b = controller.systems[k : k + 2]
-            slope = _combined((b, a), (1.0 / (high - low), -1.0 / (high - low)))
-            start = _combined((a, slope), (1.0, -low))
-            result.append(Stretch(float(low), float(high), _terms(family, start, slope, axis)))
-        result.append(Stretch(float(places[-1]), np.inf, _terms(family, last, None, axis)))
-        return cls(family, axis, tuple(result))
+        late = nonnegative("delay", delay)
+        if isinstance(controller, ScheduledController):
+            K, one = controller, controller.systems[0]
+            if one.dt:
+                raise ValueError(f"`controller` must be in continuous time, got a sampling time of {one.dt:g} s.")
+            known("parameter that the controller follows", controller.signal, family.names)
+        else:
+            K = one = controller_of(controller, "StateSpace or ScheduledController", sampled=True).balanced()
+        signals_of(one, family.nominal.input_labels, family.nominal.output_labels)
+        if one.dt:
+            time_of_loop(static(one.D), one, late)  # what a delay may be
+        elif late:
+            raise ValueError(f"`delay` must be 0 with a controller in continuous time, got {exactly(delay)} s.")
+        return cls(family, K, late, () if one.dt else [*_continuous(family, K, (), ())])
 
-    def at(self, delta: Array) -> LoopPencil:
-        """Return the loop at a point."""
-        here = next(item for item in self.stretches if delta[self.axis] <= item.high)
-        return value_at(here.terms, delta)
+    def at(self, delta: Array) -> Loop:
+        """Return the loop at a point, closed by name."""
+        return joined(self.family.at(delta), controller_at(self.family, self.controller, delta), self.delay)
+
+    @cached_property
+    def _sampled(self) -> Callable[[Array], Lti]:
+        """What makes a sampled loop at a point."""
+        assert isinstance(self.controller, Lti)
+        return sampled_loops(self.family, self.controller, (), (), self.delay)
+
+    def poles(self, delta: Array) -> Array:
+        """Return the poles at a point, without those of coordinates that nothing feels."""
+        if not self.alone:
+            return self._sampled(delta).balanced().poles
+        part = min(self.alone, key=lambda item: float(np.abs((delta - item.cell.middle) / item.cell.reach).max()))
+        return poles_of(value_at(part.pencils, (delta - part.cell.middle) / part.cell.reach))
 
     def abscissa(self, delta: Array) -> float:
-        """Return the largest real part of the poles at a point [rad/s]."""
-        return self.at(delta).abscissa
+        """Return the largest real part of the poles at a point [rad/s], in sampled time of their logarithms."""
+        return float(rates_of(self.poles(delta), self.controller.dt).real.max())
 
     def stable(self, delta: Array) -> bool:
         """Return whether the loop is stable at a point."""
-        return self.at(delta).stable
+        return bool((sides(self.poles(delta), self.controller.dt) < 0).all())
 
-    def terms(self, cell: Cell) -> Terms:
-        """Return the loop over a cell that lies in one stretch."""
-        return next(item for item in self.stretches if cell.middle[self.axis] <= item.high).terms
+    def parts(self, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> Sequence[LoopPart]:
+        """Return the loops between signals, of :meth:`Loop.closed`, in parts that cover the box; without any for stability.
 
-    def parts(self, factor: float) -> list[StablePart]:
-        """Return the box, enlarged by a factor, as one part a stretch."""
-        result = []
-        for item in self.stretches:
-            low, high = max(item.low, -factor), min(item.high, factor)
-            if low < high:
-                middle, reach = np.zeros(self.family.nparameters), np.full(self.family.nparameters, factor)
-                middle[self.axis], reach[self.axis] = 0.5 * (low + high), 0.5 * (high - low)
-                result.append(StablePart.of(item.terms, Cell(middle, reach)))
-        return result
-
-
-def checked_controller(
-    family: Family, controller: control.StateSpace | ScheduledController, delay: float
-) -> tuple[Lti | None, float]:
-    """Return a controller, None if it follows a parameter, and its delay [s], refused where they make no sampled loop."""
-    instance("family", family, Family, "AffineFamily or PolynomialFamily")
-    late = nonnegative("delay", delay)
-    scheduled = isinstance(controller, ScheduledController)
-    K = None if scheduled else controller_of(controller, "StateSpace or ScheduledController", sampled=True)
-    if K is not None and K.dt != 0.0:
-        signals_of(K, family.nominal.input_labels, family.nominal.output_labels)
-        time_of_loop(Lti(K.A, K.B, K.C, K.D), K, late)  # what a delay may be
-    elif late:
-        raise ValueError(f"`delay` must be 0 with a controller in continuous time, got {exactly(delay)} s.")
-    return K, late
+        Raises
+        ------
+        ValueError
+            A sampled loop that changes too fast over the box; in continuous time signals that need more derivatives: measured
+            outputs may be places, speeds, or accelerations behind a filter, judged ones no speeds, and the same over the box.
+        """
+        if self.alone:
+            return [*_continuous(self.family, self.controller, inputs, outputs)] if outputs else self.alone
+        assert isinstance(self.controller, Lti)
+        return sampled_parts(self.family, self.controller, inputs, outputs, self.delay)
 
 
-def controller_at(
-    family: Family, controller: control.StateSpace | ScheduledController, delta: Array
-) -> control.StateSpace | Lti:
-    """Return a controller as it is at a point of the box, in the states that it has in `BoxLoops`."""
-    if not isinstance(controller, ScheduledController):
-        return controller_of(controller, "StateSpace or ScheduledController", any_time=True).balanced()
-    return frozen(controller, family.denormalize(delta)[controller.signal])
+def _continuous(
+    family: Family, K: Lti | ScheduledController, inputs: Sequence[str], outputs: Sequence[str]
+) -> Iterator[LoopPart]:
+    """Yield the loops in continuous time, one a straight line of the controller."""
+    ports, axis, ends = family.nominal.ports, 0, [-1.0, 1.0]
+    acting = [ports.inputs.index(name) for name in K.output_labels]
+    read = [ports.outputs.index(name) for name in K.input_labels]
+    filtered = np.array([ports.bandwidths[o] is not None for o in read])
+    if isinstance(K, ScheduledController):
+        axis, filtered = family.names.index(K.signal), np.ones(len(read), bool)
+        places = [float(family.normalize({K.signal: value})[axis]) for value in K.values]
+        ends = np.unique(np.clip([*ends, *places], -1.0, 1.0)).tolist()
+    for i, name in zip(acting, K.output_labels, strict=True):
+        late = [ports.B[1:, :, i], ports.E[1:, read, i], *(change.B[1:, :, i] for _, change in family.coefficients)]
+        if ports.moved[i] or ports.E[0, read, i][filtered].any() or any(X.any() for X in late):
+            raise ValueError(
+                f"`controller` must drive forces, got {name!r}, an input that imposes motion or is felt at once."
+            )
+    along = np.eye(family.nparameters)[axis]
+    direct = ports.E[0][np.ix_(read, acting)]
+    for low, high in pairwise(ends):
+        first, last = (_inside(controller_at(family, K, x * along), direct) for x in (low, high))
+        pairs = {letter: (getattr(first, letter), getattr(last, letter)) for letter in "ABCD"}
+        law = {
+            letter: {(): (high * X - low * Y) / (high - low), (axis,): (Y - X) / (high - low)}
+            for letter, (X, Y) in pairs.items()
+        }
+        cell = Cell.whole(family.nparameters)
+        cell.middle[axis], cell.reach[axis] = 0.5 * (low + high), 0.5 * (high - low)
+        pencils, B, C, D = _closed(family, law, (K.input_labels, K.output_labels), inputs, outputs)
+        missed = np.zeros_like(pencils[()][0]), np.zeros_like(B[()])
+        yield LoopPart(cell, within(pencils, cell), within(B, cell), C, D, missed)
 
 
-def joined_at(family: Family, controller: control.StateSpace | ScheduledController, delay: float, delta: Array) -> Loop:
-    """Return the closed loop at a point of the box."""
-    return joined(family.at(delta), controller_at(family, controller, delta), delay)
+def controller_at(family: Family, K: Lti | ScheduledController, delta: Array) -> Lti:
+    """Return a controller as it is at a point of the box."""
+    return frozen(K, family.denormalize(delta)[K.signal]) if isinstance(K, ScheduledController) else K
 
 
-def without_feedthrough(family: Family, K: Lti) -> tuple[Family, Lti]:
-    """Return plants without feedthrough from the controls to the measurements, and the controller that closes the same loops.
-
-    Feedthrough is the same over the family: with ``y = y0 + E u`` the law ``u = K y`` is one between ``y0`` and ``u``.
+def _inside(K: Lti, direct: Array) -> Lti:
+    """Return a controller between measurements without the feedthrough of its controls, and signals added to these, and them.
 
     Raises
     ------
     ValueError
         The loop of the feedthrough and the controller's is not well-posed.
     """
-    ports = family.nominal.ports
-    acting = [ports.inputs.index(name) for name in K.output_labels]
-    read = [ports.outputs.index(name) for name in K.input_labels]
-    E = ports.E[0][np.ix_(read, acting)]
-    if not E.any() or any(ports.bandwidths[o] is not None for o in read):
-        return family, K
-    p, m = E.shape
-    direct = np.block([[np.zeros((m, p)), np.eye(m)], [np.eye(p), E]])
-    signals = (*K.input_labels, *K.output_labels), (*K.output_labels, *K.input_labels)
-    closed = lower_lft(Lti(np.zeros((0, 0)), np.zeros((0, p + m)), np.zeros((m + p, 0)), direct, *signals), K)
-    without = ports.E.copy()
-    without[0][np.ix_(read, acting)] = 0.0
-    center = SecondOrderModel.of(family.nominal.structure, replace(ports, E=without))
-    return replace(family, nominal=center), closed  # type: ignore[type-var]
+    p, m = direct.shape
+    none, eye = np.zeros((m, p)), np.eye(m)
+    D = np.block([[none, eye, eye], [np.eye(p), direct, direct]])
+    return lower_lft(static(D), K)
 
 
-def _combined(systems: tuple[Lti, Lti], shares: tuple[float, float]) -> Lti:
-    A, B, C, D = (sum(w * getattr(item, x) for w, item in zip(shares, systems, strict=True)) for x in "ABCD")
-    first: Any = systems[0]
-    return Lti(np.asarray(A), np.asarray(B), np.asarray(C), np.asarray(D), first.input_labels, first.output_labels)
+def _open(family: Family, rows: Sequence[int], forced: Array, driven: bool, more: int) -> tuple[Sums, Sums, Polynomial]:
+    """Return ``E``, ``A`` and the rows of outputs ``a + b' + c''`` of plants, over the states and what drives them.
+
+    ``forced`` is how that drives the inputs; behind the states of the plant and of its filters come ``more`` others.
+    """
+    ports, n, m = family.nominal.ports, family.nominal.ncoordinates, forced.shape[1]
+    filters = [(j, b) for j, o in enumerate(rows) if (b := ports.bandwidths[o]) is not None]
+    places, rates, size = slice(n), slice(n, 2 * n), 2 * (n + len(filters)) + more
+    moving = places if driven else rates  # whose derivatives the mass matrix multiplies
+    E, A = (defaultdict(lambda: np.zeros((size, size + m))) for _ in range(2))
+    E[()] = np.eye(size, size + m)
+    E[()][moving, moving] = 0.0
+    A[()][places, rates] = np.eye(n)
+    lines: dict[tuple[int, ...], Array] = {}
+    for power, X in (((), family.nominal), *family.coefficients):
+        B, L = (X.B, X.L) if isinstance(X, Slope) else (ports.B, ports.L)
+        E[power][moving, moving] += X.M
+        A[power][moving, moving] -= X.C
+        A[power][rates, places] -= X.K
+        A[power][rates, size:] += B[0] @ forced
+        A[power][places, size:] += B[1] @ forced
+        if power and not L.any():
+            continue
+        line = np.zeros((3, len(rows), size + m))
+        line[:, :, places] = L[:, rows]
+        if not driven:  # speeds are states
+            line[:2, :, rates], line[1:, :, places] = L[1:, rows], 0.0
+        if not power:
+            line[:, :, size:] = ports.E[:, rows] @ forced
+        for first, (j, b) in zip(range(2 * n, size - more, 2), filters, strict=True):
+            turn, (position, speed, acceleration) = 2.0 * FILTER_DAMPING * b, b**2 * line[:, j]
+            A[power][first] += speed - turn * acceleration
+            A[power][first + 1] += position - b**2 * acceleration
+            line[0, j], line[1:, j] = acceleration, 0.0
+            if not power:
+                line[0, j, first] = A[()][first, first + 1] = 1.0
+                A[()][first : first + 2, first] -= turn, b**2
+        lines = sum_of(lines, {power: line})
+    return E, A, lines
 
 
-def _terms(family: Family, K: Lti, slope: Lti | None, axis: int) -> Terms:
-    """Return the loop with ``K + delta slope``, ``delta`` that of one parameter, as a polynomial of the parameters.
-
-    States are coordinates, velocities, two of each output's filter, and those of the controller.
+def _closed(
+    family: Family,
+    law: Mapping[str, Polynomial],
+    signals: tuple[Sequence[str], Sequence[str]],
+    inputs: Sequence[str],
+    outputs: Sequence[str],
+) -> tuple[Polynomial, Polynomial, Array, Array]:
+    """Return pencils, ``B``, ``C`` and ``D`` of the loop with a law from measurements and added signals to controls.
 
     Raises
     ------
     ValueError
-        An input that imposes motion, or that an output feels at once.
+        As :meth:`BoxLoops.parts`.
     """
-    center = family.nominal.select(K.output_labels, K.input_labels)
-    acting = [family.nominal.input_labels.index(name) for name in K.output_labels]
-    read = [family.nominal.output_labels.index(name) for name in K.input_labels]
-    ports, n = center.ports, center.ncoordinates
-    for i, name in enumerate(K.output_labels):
-        late = [ports.B[1:, :, i], ports.E[:, :, i], *(change.B[1:, :, acting[i]] for _, change in family.coefficients)]
-        if ports.moved[i] or any(X.any() for X in late):
-            raise ValueError(
-                f"`controller` must drive forces, got {name!r}, an input that imposes motion or is felt at once."
-            )
-    filtered = [(o, b, 2 * (n + j)) for j, (o, b) in enumerate((o, b) for o, b in enumerate(ports.bandwidths) if b)]
-    size = 2 * n + 2 * len(filtered) + len(K.A)
-    places, speeds, own = slice(n), slice(n, 2 * n), slice(size - len(K.A), size)
-    result: dict[tuple[int, ...], LoopPencil] = {}
-
-    def part(*powers: tuple[int, ...]) -> LoopPencil:
-        power = tuple(sorted(sum(powers, ())))
-        return result.setdefault(power, LoopPencil(np.zeros((size, size)), np.zeros((size, size))))
-
-    here = part(())
-    np.fill_diagonal(here.E, 1.0)
-    here.E[speeds, speeds], here.A[places, speeds] = 0.0, np.eye(n)
-    for _, b, first in filtered:
-        here.A[first, first + 1], here.A[first + 1, first] = 1.0, -(b**2)
-        here.A[first + 1, first + 1] = -2.0 * FILTER_DAMPING * b
-    for power, X in (((), center), *family.coefficients):
-        part(power).E[speeds, speeds] += X.M
-        part(power).A[speeds, places] -= X.K
-        part(power).A[speeds, speeds] -= X.C
-    columns = {(): ports.B[0]} | {
-        power: X.B[0][:, acting] for power, X in family.coefficients if X.B[:, :, acting].any()
-    }
-    lines = {(): ports.L} | {power: X.L[:, read] for power, X in family.coefficients if X.L.any()}
-    controllers = {(): K} if slope is None else {(): K, (axis,): slope}
-    for power, law in controllers.items():
-        part(power).A[own, own] += law.A
-        for p, B in columns.items():
-            part(power, p).A[speeds, own] += B @ law.C
-    for q, L in lines.items():
-        reading, rate = np.zeros((len(read), size)), np.zeros((len(read), size))
-        reading[:, places], reading[:, speeds], rate[:, speeds] = L
-        for o, b, first in filtered:
-            part(q).A[first + 1] += b**2 * reading[o]
-            part(q).E[first + 1] -= b**2 * rate[o]
-            reading[o], rate[o] = 0.0, 0.0
-            reading[o, first] = float(not q)
-        for power, law in controllers.items():
-            part(power, q).A[own] += law.B @ reading
-            part(power, q).E[own] -= law.B @ rate
-            for p, B in columns.items():
-                part(power, p, q).A[speeds] += B @ law.D @ reading
-                part(power, p, q).E[speeds] -= B @ law.D @ rate
-    return without(result, family._unfelt)
-
-
-def without(terms: Terms, positions: tuple[int, ...]) -> Terms:
-    """Return the loop without those positions that nothing in it feels."""
-    size = len(terms[()].E)
-    unit = np.eye(size)
+    ports, n, (measured, controls) = family.nominal.ports, family.nominal.ncoordinates, signals
+    acting, read = [ports.inputs.index(name) for name in controls], [ports.outputs.index(name) for name in measured]
+    judged = [ports.outputs.index(name) for name in outputs if name in ports.outputs]
+    rows, k = sorted({*read, *judged}), len(law["A"][()])
+    labels = (*ports.inputs, *map(injected, (*measured, *controls)))
+    entry = np.zeros((len(labels), max(1, len(inputs))))
+    entry[[labels.index(name) for name in inputs], range(len(inputs))] = 1.0
+    forced, added = np.split(entry, [len(ports.inputs)])
+    E, A, lines = _open(family, rows, forced, bool(outputs), k)
+    size, wide = E[()].shape
+    own, rates, states = slice(size - k, size), slice(n, 2 * n), {(): np.eye(k, wide, size - k)}
+    at, room = [rows.index(o) for o in read], ((0, len(acting)), (0, 0))
+    a, b = ({q: np.pad(line[i, at], room) for q, line in lines.items()} for i in (0, 1))
+    a[()][:, size:] += added
+    changes = [{q: X.B[0][:, acting]} for q, X in family.coefficients if X.B.any()]
+    pushing = sum_of({(): ports.B[0][:, acting]}, *changes)
+    sent, late = sum_of(product_of(law["C"], states), product_of(law["D"], a)), product_of(law["D"], b)
+    _add(A, own, sum_of(product_of(law["A"], states), product_of(law["B"], a)))
+    _add(E, own, product_of(law["B"], b), -1.0)
+    _add(A, rates, product_of(pushing, sent))
+    _add(E, rates, product_of(pushing, late), -1.0)
+    # what is judged: of outputs the rows, of controls what is sent
+    wanted = outputs or ("",)
+    pick = np.array([[float(name == ports.outputs[o]) for o in rows] for name in wanted])
+    through = np.array([[float(name == control) for control in controls] for name in wanted])
+    through += pick @ ports.E[0][np.ix_(rows, acting)]
+    z = sum_of({q: pick @ line[0] for q, line in lines.items()}, product_of({(): through}, sent))
+    unfit = [
+        *(X.B[2] @ forced for X in (ports, *(change for _, change in family.coefficients))),
+        *(X for line in lines.values() for X in (line[2], line[1, :, size:], pick @ line[1])),
+        *(ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in judged),
+    ]
+    if any(X.any() for X in unfit):
+        raise ValueError("`outputs` must be places, or accelerations behind a filter; measured ones may be speeds.")
+    if any((through @ X).any() for X in late.values()):
+        raise ValueError("`controller` must send no speed on at once where what it sends is judged.")
+    if any(X.any() for q, X in z.items() if q):
+        raise ValueError("`outputs` must not change with the parameters in continuous time; of sampled loops they may.")
+    pencils = {q: np.array([E[q], A[q]])[:, :, :size] for q in dict.fromkeys((*E, *A))}
 
     def alone(i: int) -> bool:
-        return all(not x.A[:, i].any() and (x.E[:, i] == (0.0 if p else unit[i])).all() for p, x in terms.items())
+        """Return whether nothing in the loop feels a state."""
+        unit = np.eye(size)[i]
+        return all(not X[1, :, i].any() and (X[0, :, i] == (0.0 if q else unit)).all() for q, X in pencils.items())
 
-    kept = [i for i in range(size) if i not in positions or not alone(i)]
-    if len(kept) == size:
-        return terms
-    return {power: LoopPencil(x.E[np.ix_(kept, kept)], x.A[np.ix_(kept, kept)]) for power, x in terms.items()}
+    kept = [i for i in range(size) if outputs or i not in family._unfelt or not alone(i)]
+    pencils = {q: X[:, kept][:, :, kept] for q, X in pencils.items() if not q or X.any()}
+    B = {q: X[kept, size:] for q, X in A.items() if not q or X[:, size:].any()}
+    return pencils, B, z[()][:, kept], z[()][:, size:]
+
+
+def _add(total: Sums, rows: slice, terms: Polynomial, sign: float = 1.0) -> None:
+    for power, X in terms.items():
+        total[power][rows] += sign * X

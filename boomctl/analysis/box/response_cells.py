@@ -15,21 +15,29 @@ between two such surfaces that follow each other in the chain from zero to the l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
 from math import comb
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
-from boomctl.analysis.box.zero_exclusion import BELOW, TOP, Cell, evened
+from boomctl.analysis.box.polynomials import Cell
+from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS
+
+if TYPE_CHECKING:
+    from boomctl.analysis.box.level import LoopPart
+
+_Terms = dict[tuple[int, ...], Array]
+"""A series: of each product of variables its coefficient, in all cells."""
 
 
 def _hull(count: int) -> Array:
@@ -38,8 +46,6 @@ def _hull(count: int) -> Array:
     meet = 0.5 * (ends[1:] + ends[:-1])
     return np.array([(-1.0, 1.0), *zip(meet, ends[1:] * ends[:-1], strict=True), (1.0, 1.0)])
 
-
-Polynomial = Mapping[tuple[int, ...], Array]
 
 _PARALLEL = 0.9  # cosine of eigenvectors beyond which they are made orthogonal: their inverse would be large (a choice)
 # of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
@@ -99,18 +105,20 @@ class Frontier:
 
 @dataclass(frozen=True)
 class ResponseCells:
-    """A loop ``E x' = A x + B w + R w'``, ``z = C x + D w`` over a box, in coordinates near those in which it is diagonal.
+    """A loop ``E x' = A x + (B - B d/dt) w``, ``z = C x + D w`` over a box, in coordinates in which it is nearly diagonal.
 
     Attributes
     ----------
     powers : tuple
         Products of parameters; matrices are sums over them.
-    E, A, B, R : ndarray
+    E, A, B : ndarray
         Stacks of matrices, one a product.
     C, D : ndarray
         What is judged.
+    sampled : bool
+        Whether the derivative of ``w`` counts.
     rounding : tuple of ndarray
-        By how much entries of ``E``, of ``A``, and of ``B`` and ``R`` may be off.
+        By how much entries of ``E``, of ``A``, and of ``B`` may be off.
     poles : ndarray
         Of the loop in the middle of the box [rad/s].
     size : int
@@ -121,50 +129,30 @@ class ResponseCells:
     E: Array
     A: Array
     B: Array
-    R: Array
     C: Array
     D: Array
+    sampled: bool
     rounding: tuple[Array, Array, Array]
     poles: Array
     size: int
 
     @classmethod
-    def of(
-        cls,
-        E: Polynomial,
-        A: Polynomial,
-        B: Polynomial,
-        C: Array,
-        D: Array,
-        size: int,
-        R: Polynomial | None = None,
-        missed: tuple[Array, Array] | None = None,
-    ) -> ResponseCells:
-        """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal.
-
-        ``R`` is none by default; ``missed`` is by how much entries of ``E`` and ``A`` alike, and of ``B`` and ``R``, are off.
-        """
-        state = np.linalg.solve(E[()], A[()])
-        balanced, scale = balance(state)
+    def of(cls, loop: LoopPart) -> ResponseCells:
+        """Return a loop in the eigenvectors of the middle of its box, nearly parallel ones made orthogonal."""
+        pencils, B = loop.pencils, loop.B
+        balanced, scale = balance(np.linalg.solve(*pencils[()]))
         poles, V = linalg.eig(balanced)  # type: ignore[misc]
         V = V.astype(complex)
         _orthogonalise(V)
         V = V * scale[:, None]
-        W = np.linalg.inv(E[()] @ V)
-        rate: Polynomial = {} if R is None else R
-        powers = ((), *sorted({*E, *A, *B, *rate} - {()}, key=lambda power: (len(power), power)))
-        n, m = B[()].shape
-
-        def stack(terms: Polynomial) -> Array:
-            return np.array([terms.get(power, np.zeros((n, n))) for power in powers])
-
-        sizes = [ROUNDING * np.abs(W) @ np.abs(stack(terms)).sum(axis=0) @ np.abs(V) for terms in (E, A)]
-        pushed, rates = (np.array([W @ X.get(power, np.zeros((n, m))) for power in powers]) for X in (B, rate))
-        off = np.zeros((n, m))
-        if missed is not None:
-            sizes, off = [item + np.abs(W) @ missed[0] @ np.abs(V) for item in sizes], np.abs(W) @ missed[1]
-        rounding = sizes[0], sizes[1], off
-        return cls(powers, W @ stack(E) @ V, W @ stack(A) @ V, pushed, rates, C @ V, D, rounding, poles, size)
+        W = np.linalg.inv(pencils[()][0] @ V)
+        powers = ((), *sorted({*pencils, *B} - {()}, key=lambda power: (len(power), power)))
+        both = np.array([pencils.get(power, 0.0 * pencils[()]) for power in powers])
+        driving = np.array([W @ B.get(power, 0.0 * B[()]) for power in powers])
+        off = np.abs(W) @ (ROUNDING * np.abs(both).sum(axis=0) + loop.missed[0]) @ np.abs(V)
+        rounding, size = (*off, np.abs(W) @ loop.missed[1]), len(loop.cell.middle)
+        E, A = (W @ both @ V).swapaxes(0, 1)
+        return cls(powers, E, A, driving, loop.C @ V, loop.D, loop.sampled, rounding, poles, size)
 
     def start(self, box: Cell) -> Frontier:
         """Return a part of the box over all frequencies."""
@@ -178,8 +166,9 @@ class ResponseCells:
 
     @cached_property
     def sizes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Magnitudes of the entries of ``E`` and ``A``, and of ``R`` and ``B``."""
-        return (np.abs(self.E), np.abs(self.A)), (np.abs(self.R), np.abs(self.B))
+        """Magnitudes of the entries of ``E`` and ``A``, and of what is driven by derivatives and at once."""
+        B = np.abs(self.B)
+        return (np.abs(self.E), np.abs(self.A)), (self.sampled * B, B)
 
     @property
     def batch(self) -> int:
@@ -189,19 +178,16 @@ class ResponseCells:
     def look(self, cells: Frontier) -> tuple[Array, Array, NDArray[np.int_], Array]:
         """Return bounds of the largest singular value over cells, that in their middles, and where to cut them."""
         series = _Series.of(self, cells)
-        bounds = series.regularity()
-        gain, bound, second, rest = series.gains(bounds)
-        axes, between = series.cuts(bounds, second, rest)
-        return np.where(bounds.rho < BELOW, bound, np.inf), gain, axes, between
+        gain, bound, second, rest = series.gains()
+        axes, between = series.cuts(second, rest)
+        return np.where(series.rho < BELOW, bound, np.inf), gain, axes, between
 
-    def prove(
-        self, cells: Frontier, level: float, limit: int, seen: Callable[[float, Array], float]
-    ) -> tuple[Frontier, int]:
-        """Prove that no singular value reaches a level; return what is left, and in how many cells it was proved.
+    def prove(self, cell: Cell, level: float, limit: int, seen: Callable[[float, Array], float]) -> int | None:
+        """Prove that no singular value reaches a level; return in how many cells it was proved, None if it was not.
 
         Parameters
         ----------
-        cells : Frontier
+        cell : Cell
             Where it is to be proved.
         level : float
             The level.
@@ -211,7 +197,7 @@ class ResponseCells:
             Is told the largest gain met among each batch's middles and the point; returns the level from there on, infinite
             where there is none.
         """
-        tried, proved = 0, 0
+        cells, tried, proved = self.start(cell), 0, 0
         while len(cells) and tried + len(cells) <= limit and level < np.inf:
             here, cells = cells[-self.batch :], cells[: -self.batch]
             bound, gain, axes, between = self.look(here)
@@ -221,87 +207,14 @@ class ResponseCells:
             open_ = ~(bound < level * _LEVEL)  # what is not a number is not proved
             proved += int((~open_).sum())
             cells = cells.with_halves(here[open_], axes[open_], between[open_])
-        return cells, proved
-
-
-@dataclass(frozen=True)
-class _Bounds:
-    """Bounds of ``Z``: its spectral radius, the vector that shows it, its terms beyond first order, shares of variables.
-
-    ``own`` and ``mixed`` are magnitudes times the vector, of all terms with a variable, and of those of second order alone.
-    """
-
-    rho: Array
-    d: Array
-    beside: Array
-    own: list[Array]
-    mixed: list[Array]
-
-
-@dataclass(frozen=True)
-class _Expansion:
-    """``j a P - b Q`` over cells: in their middles, terms of first and second order, a bound of magnitudes of the others."""
-
-    middle: Array
-    first: list[Array]
-    second: dict[tuple[int, int], Array]
-    higher: Array
-
-
-@dataclass(frozen=True)
-class _Frequency:
-    """Where on the axis cells are, as ``(j a, b)``: middles, half the widths, half the sums and differences of the slopes."""
-
-    a: Array
-    da: Array
-    b: Array
-    db: Array
-    tilt: Array
-    spread: Array
-
-    @property
-    def away(self) -> Array:
-        """How far frequencies of a cell are from that of its middle at most."""
-        return np.abs(self.da) + np.abs(self.tilt).sum(axis=1) + np.abs(self.spread).sum(axis=1)
-
-    def expanded(self, P: Mapping[tuple[int, ...], Array], Q: Mapping[tuple[int, ...], Array], size: int) -> _Expansion:
-        """Return ``j a P - b Q`` of polynomials of second order of the parameters, expanded in the frequency and these."""
-        shape = next(iter([*P.values(), *Q.values()])).shape
-        none, a, da, b, db = np.zeros(shape), self.a, self.da, self.b, self.db
-        tilt, spread = ([X[:, i] for i in range(size)] for X in (self.tilt, self.spread))
-
-        def changed(power: tuple[int, ...], ca: Array, cb: Array) -> Array:
-            result = none
-            if power in P:
-                result = result + 1j * ca * P[power]
-            return result - cb * Q[power] if power in Q else result
-
-        straight = 1j * P[()] if () in P else none
-        first = [changed((), da, db)]
-        second: dict[tuple[int, int], Array] = {}
-        for i in range(size):
-            first.append(changed((i,), a, b) + tilt[i] * straight)
-            second[0, i + 1] = changed((i,), da, db) + spread[i] * straight
-        for i, j in combinations_with_replacement(range(size), 2):
-            result = changed((i, j), a, b)
-            if (j,) in P:
-                result = result + 1j * tilt[i] * P[j,]
-            if i != j and (i,) in P:
-                result = result + 1j * tilt[j] * P[i,]
-            if result is not none:
-                second[i + 1, j + 1] = result
-        spreads, higher = np.abs(self.spread).sum(axis=1), np.zeros(shape)
-        for power in {*P, *Q} - {()}:
-            p, q = P.get(power, none), Q.get(power, none)
-            higher = higher + (spreads if len(power) == 1 else self.away) * np.abs(p)
-            if len(power) > 1:
-                higher = higher + np.abs(db) * np.abs(q)
-        return _Expansion(changed((), a, b), first, second, higher)
+        return None if len(cells) else proved
 
 
 @dataclass(frozen=True)
 class _Series:
-    """Terms of ``Z`` and of the response over cells, in ``q``, across the frequency, and ``p``, all from -1 to 1.
+    """Terms of ``M = M0 (1 + Z)`` and of the response over cells.
+
+    They are named by variables from -1 to 1: zero across the frequency, from one on the parameters.
 
     Attributes
     ----------
@@ -310,17 +223,19 @@ class _Series:
     cells : Frontier
         The cells.
     along : ndarray
-        ``M^-1`` times how ``M`` changes with the frequency.
-    first : list of ndarray
-        Of ``Z``, by ``q`` and each ``p``.
-    second : dict
-        Of ``Z``, by pairs of those.
+        ``M0^-1`` times how ``M`` changes with the frequency.
+    Z, sizes : dict
+        Terms of first and second order, and the magnitudes of their entries.
     higher : ndarray
         Bound of what is left of ``Z``, rounding included.
-    x : tuple
-        Of ``M^-1 B``: of order zero, of one, and of two by pairs of variables.
+    x : dict
+        Terms of ``M^-1 B`` up to second order.
     driven : ndarray
         Bound of the terms of ``M0^-1 B`` beyond second order.
+    rho, d : ndarray
+        Bound of the spectral radius of ``Z``, and the vector that shows it.
+    beside : ndarray
+        Bound of the terms of ``Z`` beyond first order.
     frequency : tuple of ndarray
         In the middles, half the width, half the sums and half the differences of the slopes.
     """
@@ -328,17 +243,19 @@ class _Series:
     loop: ResponseCells
     cells: Frontier
     along: Array
-    first: list[Array]
-    second: dict[tuple[int, int], Array]
+    Z: _Terms
+    sizes: _Terms
     higher: Array
-    x: tuple[Array, list[Array], list[Array]]
+    x: _Terms
     driven: Array
+    rho: Array
+    d: Array
+    beside: Array
     frequency: tuple[Array, Array, Array, Array]
 
     @classmethod
     def of(cls, loop: ResponseCells, cells: Frontier) -> _Series:
         """Return the series."""
-        k = loop.size
         values = cells.ends[:, :, 0] + (cells.ends[:, :, 1:] * cells.middle[:, None, :]).sum(axis=2)
         slopes = cells.ends[:, :, 1:] * cells.reach[:, None, :]
         center, half = 0.5 * (values[:, 1] + values[:, 0]), 0.5 * (values[:, 1] - values[:, 0])
@@ -346,106 +263,113 @@ class _Series:
         # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
         a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, center), (0.0, half)))
         b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((center, 1.0), (half, 0.0)))
+        turned: _Terms = {(): 1j * a, (0,): 1j * da}
+        for i in range(loop.size):
+            turned[i + 1,], turned[0, i + 1] = (1j * X[:, i, None, None] for X in (tilt, spread))
+        still: _Terms = {(): -b, (0,): -db}
         shares, beyond = _shares(loop.powers, cells)
-        E, A, B, R = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B, loop.R))
+        E, A, B = ({p: np.tensordot(w, X, 1) for p, w in shares.items()} for X in (loop.E, loop.A, loop.B))
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
-        P = {p: inverse @ X for p, X in E.items() if X.any()}
+        P = {p: inverse @ X for p, X in E.items() if not p or X.any()}
         Q = {p: inverse @ X for p, X in A.items() if p and X.any()}
         Q[()] = (1j * a * P[()] - np.eye(len(loop.poles))) / b  # for j a P - b Q is one
-        moved = _Frequency(a, da, b, db, tilt[:, :, None, None], spread[:, :, None, None])
-        Z = moved.expanded(P, Q, k)
-        driving = moved.expanded(
-            {p: inverse @ X for p, X in R.items() if X.any()},
-            {p: -inverse @ X for p, X in B.items() if p == () or X.any()},
-            k,
-        )
+        Z, higher = _expanded((turned, P), (still, Q))
+        push = {p: -inverse @ X for p, X in B.items() if not p or X.any()}
+        driving, driven = _expanded((turned, push if loop.sampled else {}), (still, push))
         off_E, off_A, off_B = loop.rounding
-        side = np.abs(a) + moved.away, np.abs(b) + np.abs(db)
+        side = [sum(np.abs(x) for x in terms.values()) for terms in (turned, still)]
         others = [side[0] * off_E + side[1] * off_A, (side[0] + side[1]) * off_B]
         if beyond.any():
             for place, pair in enumerate(loop.sizes):
                 others[place] += sum(w * np.tensordot(beyond, X, 1) for w, X in zip(side, pair, strict=True))
-        higher, driven = (X.higher + np.abs(inverse) @ more for X, more in zip((Z, driving), others, strict=True))
-        frequency = (center, half, tilt, spread)
-        x = _solution(driving, Z)
-        return cls(loop, cells, 1j * P[()], Z.first, Z.second, higher, x, driven, frequency)
-
-    def regularity(self) -> _Bounds:
-        """Return bounds of ``Z``."""
-        sizes = [np.abs(Z) for Z in self.first]
-        main = sum(sizes[1:], sizes[0])
-        beside = sum((np.abs(Z) for Z in self.second.values()), self.higher)
-        d = np.ones((*main.shape[:2], 1))
+        higher, driven = (late + np.abs(inverse) @ more for late, more in zip((higher, driven), others, strict=True))
+        sizes = {p: np.abs(X) for p, X in Z.items() if p}
+        main = sum(X for p, X in sizes.items() if len(p) == 1)
+        beside = sum((X for p, X in sizes.items() if len(p) > 1), higher)
+        d = np.ones((*higher.shape[:2], 1))
         for _ in range(_SWEEPS):
             d = evened(d, main @ d)
-        own = [Z @ d for Z in sizes]
-        rho = ((sum(own[1:], own[0]) + beside @ d) / d).max(axis=(1, 2))
-        pairs = {pair: np.abs(Z) @ d for pair, Z in self.second.items()}
-        mixed = [sum((0.5 * p.count(i) * size for p, size in pairs.items()), np.zeros_like(d)) for i in range(len(own))]
-        return _Bounds(rho, d, beside, [a + b for a, b in zip(own, mixed, strict=True)], mixed)
+        rho, x = (((main + beside) @ d) / d).max(axis=(1, 2)), _solution(driving, Z, loop.size)
+        frequency = center, half, tilt, spread
+        return cls(loop, cells, 1j * P[()], Z, sizes, higher, x, driven, rho, d, beside, frequency)
 
-    def gains(self, bounds: _Bounds) -> tuple[Array, Array, Array, Array]:
+    def gains(self) -> tuple[Array, Array, Array, Array]:
         """Return the gain in the middles, a bound of it, what terms of second order add to that, and what the rest adds."""
-        C, (x0, x1, x2), d, beside = self.loop.C, self.x, bounds.d, bounds.beside
-        m, count = x0.shape[2], len(x2)
-        G0, G1 = C @ x0 + self.loop.D, [C @ x for x in x1]
+        C, d, beside, size = self.loop.C, self.d, self.beside, 1 + self.loop.size
+        G = {p: C @ x for p, x in self.x.items()}
+        G0 = G[()] + self.loop.D
         # what the series does not satisfy of (1 + Z) x = M0^-1 B: terms of third order and beyond
-        size = sum((np.abs(x) for x in (*x1, *x2)), np.zeros(x0.shape))
-        residual = beside @ size + self.higher @ np.abs(x0) + self.driven
+        most = sum(np.abs(x) for p, x in self.x.items() if p)
+        residual = beside @ most + self.higher @ np.abs(self.x[()]) + self.driven
         judged, weight = np.abs(C) @ residual, np.abs(C) @ beside
-        late = np.concatenate(x2, axis=2)
-        for Z in self.first:
-            step = Z @ late
-            residual = residual + np.abs(step).reshape(*step.shape[:2], count, m).sum(axis=2)
-            judged = judged + np.abs(C @ step).reshape(len(step), -1, count, m).sum(axis=2)
-            weight = weight + np.abs(C @ Z)
-        spare = np.where(bounds.rho < BELOW, 1.0 - bounds.rho, np.nan)[:, None, None]
+        pairs = [x for p, x in self.x.items() if len(p) == _KEPT]
+        late = np.concatenate(pairs, axis=2)
+        for i in range(size):
+            step = self.Z[i,] @ late
+            shape = len(pairs), -1
+            residual = residual + np.abs(step).reshape(*step.shape[:2], *shape).sum(axis=2)
+            judged = judged + np.abs(C @ step).reshape(len(step), len(C), *shape).sum(axis=2)
+            weight = weight + np.abs(C @ self.Z[i,])
+        spare = np.where(self.rho < BELOW, 1.0 - self.rho, np.nan)[:, None, None]
         rest = _size(judged + (weight @ d) * ((residual / d).max(axis=1, keepdims=True) / spare))
-        G2 = {pair: C @ x for pair, x in zip(combinations_with_replacement(range(len(x1)), 2), x2, strict=True)}
-        total, second = rest, np.zeros((len(G0), len(x1)))
-        for (i, j), G in G2.items():
-            share = _size(G)
-            if i != j:
-                total = total + share
-            second[:, i] += 0.5 * share
-            second[:, j] += 0.5 * share
+        total, second = rest, np.zeros((len(G0), size))
+        for p, X in G.items():
+            if len(p) == _KEPT:
+                share = _size(X)
+                total = total + share if p[0] != p[1] else total
+                for i in p:
+                    second[:, i] += 0.5 * share
         at = G0[:, None]
-        corners = FEW_PARAMETERS if len(G1) <= FEW_PARAMETERS + 1 else _CORNERS
-        for i, G in enumerate(G1):
+        corners = FEW_PARAMETERS if size <= FEW_PARAMETERS + 1 else _CORNERS
+        for i in range(size):
             if i > corners:  # Corners multiply: the others count by magnitudes.
-                total = total + _size(G) + _size(G2[i, i])
+                total = total + _size(G[i,]) + _size(G[i, i])
                 continue
-            hull = _HULLS[0 if i == 0 else 1 if len(G1) <= _FEW else 2]
-            at = (
-                at[:, :, None]
-                + hull[:, 0, None, None] * G[:, None, None]
-                + hull[:, 1, None, None] * G2[i, i][:, None, None]
-            )
-            at = at.reshape(len(G0), -1, *G.shape[1:])
+            hull = _HULLS[0 if i == 0 else 1 if size <= _FEW else 2]
+            pair = np.stack([G[i,], G[i, i]], axis=1)
+            at = at[:, :, None] + np.tensordot(pair, hull, (1, 1)).transpose(0, 3, 1, 2)[:, None]
+            at = at.reshape(len(G0), -1, *G0.shape[1:])
         return _largest(G0), _largest(at).max(axis=1) + total, second, rest
 
-    def cuts(self, bounds: _Bounds, second: Array, rest: Array) -> tuple[NDArray[np.int_], Array]:
+    def cuts(self, second: Array, rest: Array) -> tuple[NDArray[np.int_], Array]:
         """Return across which variable cells are to be cut, zero the frequency, and along which surface there."""
-        center, half, tilt, spread = self.frequency
-        shares = np.stack([(own / bounds.d).max(axis=(1, 2)) for own in bounds.own], axis=1)
+        (center, half, tilt, spread), d, variables = self.frequency, self.d, range(1 + self.loop.size)
+        pairs = {p: 0.5 * size @ d for p, size in self.sizes.items() if len(p) == _KEPT}
+        mixed = [sum((p.count(i) * size for p, size in pairs.items()), np.zeros_like(d)) for i in variables]
+        own = [self.sizes[i,] @ d + mixed[i] for i in variables]
+        shares = np.stack([(size / d).max(axis=(1, 2)) for size in own], axis=1)
         squares = (np.abs(self.along) ** 2).sum(axis=(1, 2))
-        turns = [-(self.along.conj() * Z).sum(axis=(1, 2)).real / squares for Z in self.first[1:]]
+        turns = [-(self.along.conj() * self.Z[i,]).sum(axis=(1, 2)).real / squares for i in variables[1:]]
         turned = [
-            np.abs(Z + turn[:, None, None] * self.along) @ bounds.d + mixed
-            for Z, turn, mixed in zip(self.first[1:], turns, bounds.mixed[1:], strict=True)
+            np.abs(self.Z[i,] + turn[:, None, None] * self.along) @ d + mixed[i]
+            for i, turn in zip(variables[1:], turns, strict=True)
         ]
-        widest = np.abs(spread).max(axis=1)
-        straight = np.abs(half) > _WEDGE * widest
-        whole = sum(bounds.own[1:], bounds.own[0])
-        tries = [0.5 * bounds.own[0] + sum(turned[1:], turned[0]), *(whole - 0.5 * own for own in bounds.own[1:])]
-        after = np.stack([(item / bounds.d).max(axis=(1, 2)) for item in tries], axis=1)
+        straight = np.abs(half) > _WEDGE * np.abs(spread).max(axis=1)
+        whole = sum(own[1:], own[0])
+        tries = [0.5 * own[0] + sum(turned[1:], turned[0]), *(whole - 0.5 * size for size in own[1:])]
+        after = np.stack([(item / d).max(axis=(1, 2)) for item in tries], axis=1)
         after[:, 0] = np.where(straight, after[:, 0], np.inf)
         score = second + rest[:, None] * shares / shares.sum(axis=1, keepdims=True)
         axes = np.where(np.isfinite(score).all(axis=1), score.argmax(axis=1), shares.argmax(axis=1))
-        axes = np.where(bounds.rho > _FAR, after.argmin(axis=1), axes)
+        axes = np.where(self.rho > _FAR, after.argmin(axis=1), axes)
         axes = np.where((axes == 0) & ~straight, 1 + np.abs(spread).argmax(axis=1), axes)
         slopes = np.where(self.cells.inverse[:, None], 0.0, tilt + np.stack(turns, axis=1)) / self.cells.reach
         return axes, np.column_stack([center - (slopes * self.cells.middle).sum(axis=1), slopes])
+
+
+def _expanded(*products: tuple[_Terms, _Terms]) -> tuple[_Terms, Array]:
+    """Return the sum of products of series up to second order, and a bound of the magnitudes of its other terms."""
+    result: _Terms = {}
+    higher: Any = 0.0
+    for frequency, series in products:
+        for q, X in series.items():
+            late = [np.abs(x) for p, x in frequency.items() if len(p) + len(q) > _KEPT]
+            for p, x in frequency.items():
+                power = tuple(sorted((*p, *q)))
+                if len(power) <= _KEPT:
+                    result[power] = result.get(power, 0.0) + x * X
+            higher = higher + sum(late) * np.abs(X) if late else higher
+    return result, higher
 
 
 def _orthogonalise(V: Array) -> None:
@@ -457,27 +381,23 @@ def _orthogonalise(V: Array) -> None:
             V[:, own] = np.linalg.qr(V[:, own])[0]
 
 
-def _solution(driving: _Expansion, Z: _Expansion) -> tuple[Array, list[Array], list[Array]]:
+def _solution(driving: _Terms, Z: _Terms, size: int) -> _Terms:
     """Return the terms of ``(1 + Z)^-1`` times what drives up to the second order."""
-    x0 = driving.middle
-    x1 = [s - z @ x0 for s, z in zip(driving.first, Z.first, strict=True)]
-    x2 = []
-    for i, j in combinations_with_replacement(range(len(x1)), 2):
-        result = -Z.first[i] @ x1[j]
-        if i != j:
-            result = result - Z.first[j] @ x1[i]
-        if (i, j) in Z.second:
-            result = result - Z.second[i, j] @ x0
-        if (i, j) in driving.second:
-            result = result + driving.second[i, j]
-        x2.append(result)
-    return x0, x1, x2
+    x: _Terms = {(): driving[()]}
+    for order in (1, 2):
+        for power in combinations_with_replacement(range(1 + size), order):
+            result: Any = driving.get(power, 0.0)
+            for part in {power[:1], power[1:], power} & {*Z}:
+                rest = () if part == power else power[1:] if part == power[:1] else power[:1]
+                result = result - Z[part] @ x[rest] if part else result
+            x[power] = result
+    return x
 
 
 def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> tuple[dict[tuple[int, ...], Array], Array]:
-    """Return what products of parameters bring to products of ``p``, shape (cells, products).
+    """Return what products of parameters bring to products of variables of the cells, shape (cells, products).
 
-    Of none, one and two ``p`` each for itself; of more the sum of magnitudes.
+    Of none, one and two variables each for itself; of more the sum of magnitudes.
     """
     k = cells.middle.shape[1]
     often = np.array([[power.count(i) for i in range(k)] for power in powers])
@@ -495,11 +415,9 @@ def _shares(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> tuple[dict[
     result: dict[tuple[int, ...], Array] = {}
     for count in range(_KEPT + 1):
         for here in combinations_with_replacement(range(k), count):
-            share = np.ones((len(cells), len(powers)))
-            for i in range(k):
-                share = share * parts[i][here.count(i)]
+            share = np.prod([parts[i][here.count(i)] for i in range(k)], axis=0)
             if share.any():
-                result[here] = share
+                result[tuple(i + 1 for i in here)] = share
             total -= np.abs(share)
     return result, np.maximum(np.where(often.sum(axis=1) > _KEPT, total, 0.0), 0.0)
 

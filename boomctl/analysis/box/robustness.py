@@ -7,22 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
+from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
-from boomctl.analysis.box.prove import WORTH, BoxProof, StablePart, Statement, prove_box
-from boomctl.analysis.box.sampled_level import SampledLoops, sampled_loops
+from boomctl.analysis.box.prove import WORTH, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
-from boomctl.arrays import Array
 from boomctl.checks import positive, whole
-from boomctl.lti.system import Lti, of, rates_of
+from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
-from boomctl.structure.families import Family, PolynomialFamily, Slope
+from boomctl.structure.families import Family, Slope
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     import control
 
 _CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
@@ -78,23 +74,15 @@ class RobustStability:
         str
             A sentence.
         """
+        rate = f"{self.spectral_abscissa:.4g} rad/s"
         if self.destabilizing_values is not None:
-            return (
-                f"unstable at {listed_values(self.destabilizing_values)} (pole with real part "
-                f"{self.spectral_abscissa:.4g} rad/s)"
-            )
+            return f"unstable at {listed_values(self.destabilizing_values)} (pole with real part {rate})"
         verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
-        result = (
-            f"real parts of poles found up to {self.spectral_abscissa:.4g} rad/s, at {listed_values(self.worst_values)}"
-        )
-        around = (
-            ""
-            if isnan(self.small_gain)
-            else f"; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
-        )
-        return (
-            f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}; {result}{around}"
-        )
+        verdict = f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}"
+        result = f"{verdict}; real parts of poles found up to {rate}, at {listed_values(self.worst_values)}"
+        if isnan(self.small_gain):
+            return result
+        return f"{result}; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
 
 
 @dataclass(frozen=True)
@@ -158,7 +146,7 @@ def robust_stability(
 
     The box is halved until in each cell no pole can touch the imaginary axis; what such cells leave is proved by smaller ones
     of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is a polynomial of
-    the parameters (:mod:`boomctl.analysis.box.sampled_level`): what it misses is measured at points drawn, and counted ten
+    the parameters (:mod:`boomctl.analysis.box.sampled`): what it misses is measured at points drawn, and counted ten
     times.
 
     Parameters
@@ -212,19 +200,15 @@ def robust_stability(
     (True, 0.353)
     """
     limit = whole("max_cells", max_cells)
-    K, late = checked_controller(family, controller, delay)
     if additive_uncertainty is not None:
         of(additive_uncertainty, "additive_uncertainty", "StateSpace")
-        if K is None:
+        if isinstance(controller, ScheduledController):
             raise ValueError(
                 "`additive_uncertainty` must be None beside a controller that follows a parameter, got a bound."
             )
-    if K is not None and K.dt != 0.0:
-        loops = _Sampled(family, K, late, sampled_loops(family, K, (), (), late))
-    else:
-        loops = BoxLoops.of(family, controller)
+    loops = BoxLoops.of(family, controller, delay)
     if not isinstance(injection_points, Sequence) or injection_points:
-        joined_at(family, controller, late, np.zeros(family.nparameters)).injections(injection_points)
+        loops.at(np.zeros(family.nparameters)).injections(injection_points)
     with computing("robust stability", progress):
         tell("points of the box")
         at, rate = pattern_search(loops.abscissa, family.nparameters, 1.0, enough=0.0)[:2]
@@ -233,20 +217,27 @@ def robust_stability(
             return RobustStability(False, worst, 0, rate, worst)
         tell("loop over the box")
         try:
-            parts = loops.parts(1.0)
+            parts = loops.parts()
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
-        result = prove_box(parts, Statement.stable(loops.stable), limit)
+        result = prove_box(parts, Statement(loops.stable), limit)
         cells, bad = result.dear + result.cheap, result.refuted
         if bad is not None:
             return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
-        reason = "" if result.left is None else _given_up(family, loops.abscissa(result.left), result, limit)
+        reason = ""
+        if result.left is not None:
+            where = f"{listed_values(family.denormalize(result.left))}, where poles have real parts up to"
+            reason = (
+                f"given up at {where} {loops.abscissa(result.left):.4g} rad/s: it would take more than max_cells = {limit}, "
+                f"or smaller ones than 1/{limit} of the box"
+            )
         alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.method)
-        if additive_uncertainty is None or K is None or not result.proved:
+        if additive_uncertainty is None or not result.proved:
             return alone
         from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
 
-        around = small_gain(family, K, additive_uncertainty, delay, WORTH * limit)
+        assert isinstance(loops.controller, Lti)
+        around = small_gain(family, loops.controller, additive_uncertainty, delay, WORTH * limit)
     gain, below = around.lower_bound, around.upper_bound < 1.0
     if gain >= 1.0:
         reason = f"gain {gain:.4g} around what is not modeled at {listed_values(around.worst_values)}"
@@ -257,40 +248,6 @@ def robust_stability(
     return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)
 
 
-@dataclass(frozen=True)
-class _Sampled:
-    """Sampled loops over a box, as `BoxLoops`."""
-
-    family: Family
-    K: Lti
-    delay: float
-    at: "Callable[[Array], Lti]"
-
-    def abscissa(self, delta: Array) -> float:
-        """Return the slowest rate at a point [rad/s]."""
-        closed = self.at(delta).balanced()
-        return float(rates_of(closed.poles, closed.dt).real.max())
-
-    def stable(self, delta: Array) -> bool:
-        """Return whether the loop is stable at a point."""
-        return self.abscissa(delta) < 0.0
-
-    def parts(self, factor: float) -> list[StablePart]:
-        """Return polynomials of the parameters that cover the box; ``factor`` is one."""
-        result = SampledLoops.over(self.family, self.K, (), (), self.delay)
-        return [StablePart(item.cell, item.pencils, item.missed[0]) for item in result]
-
-
-def _given_up(family: Family, abscissa: float, found: BoxProof, limit: int) -> str:
-    """Return why a proof ended: a cell is as small as cells get, or there were as many as allowed."""
-    assert found.left is not None
-    where = f"at {listed_values(family.denormalize(found.left))}, where poles have real parts up to"
-    where = f"{where} {abscissa:.4g} rad/s"
-    if found.small:
-        return f"given up {where}: not even a cell of 1/{limit} of the box (max_cells) could be proved there"
-    return f"given up {where}: it would take more than max_cells = {limit}"
-
-
 @one_blas_thread
 def robust_stability_margin(
     family: Family,
@@ -299,6 +256,7 @@ def robust_stability_margin(
     rtol: float = 0.05,
     max_cells: int = _MARGIN_CELLS,
     *,
+    delay: float = 0.0,
     progress: "Listener | None" = None,
 ) -> RobustStabilityMargin:
     """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
@@ -307,10 +265,11 @@ def robust_stability_margin(
 
     Parameters
     ----------
-    family, controller, max_cells
-        As for :func:`robust_stability`.
+    family, controller, max_cells, delay
+        As for :func:`robust_stability`; of sampled loops, each enlarged box takes as long as one there.
     max_factor : float
-        The box is not enlarged beyond this factor; where no instability is known up to there, ``unstable_at = inf``.
+        The box is not enlarged beyond this factor; where no instability is known up to there, ``upper_bound`` is
+        infinite.
     rtol : float
         Wanted relative distance of the two bounds.
     progress : callable, optional
@@ -338,7 +297,7 @@ def robust_stability_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
-    loops = BoxLoops.of(family, controller)
+    loops = BoxLoops.of(family, controller, delay)
     middle = np.zeros(family.nparameters)
     if not loops.stable(middle):
         return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
@@ -346,7 +305,7 @@ def robust_stability_margin(
     good, ceiling, calm, bad, where, tried = 0.0, top, 0.0, inf, None, top
     with computing("structured margin", progress):
         for _ in range(_PROOFS):
-            found = robust_stability(_enlarged(family, tried), controller, limit)
+            found = robust_stability(_enlarged(family, tried), controller, limit, delay=delay)
             if found.destabilizing_values is None:
                 calm = max(calm, tried)
             else:
@@ -367,5 +326,4 @@ def _enlarged(family: Family, factor: float) -> Family:
         (power, Slope(*(factor ** len(power) * getattr(change, letter) for letter in "MCKBL")))
         for power, change in family.coefficients
     )
-    free = tuple(family.nominal.coordinates[i] for i in family._unfelt)
-    return PolynomialFamily(family.names, middle - reach, middle + reach, family.nominal, changes, free)
+    return replace(family, low=middle - reach, high=middle + reach, coefficients=changes)

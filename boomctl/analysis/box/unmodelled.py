@@ -16,8 +16,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
-from typing import TYPE_CHECKING
+from functools import partial
+from itertools import product
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import linalg
@@ -29,15 +30,15 @@ from boomctl.arrays import Array, balance
 from boomctl.checks import known
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.rounding import ALIKE, ROOT, SOLVED
-from boomctl.lti.system import Lti, of, series
-from boomctl.structure.families import Family, PolynomialFamily, Slope
+from boomctl.lti.system import Lti, append, of, series
+from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 
 if TYPE_CHECKING:
     import control
 
 
-def small_gain(family: Family, K: Lti, unmodelled: control.StateSpace, delay: float, max_cells: int) -> WorstCase:
+def small_gain(family: Family, K: Any, unmodelled: control.StateSpace, delay: float, max_cells: int) -> WorstCase:
     """Return the largest gain around what a family does not model, and a bound below one over the box if it is proved.
 
     Raises
@@ -49,63 +50,49 @@ def small_gain(family: Family, K: Lti, unmodelled: control.StateSpace, delay: fl
     bounds = _bounds(K, unmodelled)
     unit = np.ones((len(K.input_labels), len(K.output_labels)))
     if unit.size > 1:
-        wide, weighed, points = _joined(family, K, bounds, unit)
-        loop = joined(wide.nominal, weighed, delay if K.dt else None).closed([*sum(points, ())])
+        loop = joined(family.nominal, K, delay if K.dt else None).closed(K.input_labels)
+        added = [injected(y) for y in K.input_labels for _ in K.output_labels]
         gains = [
-            [matrices_norm(loop.select([*map(injected, own)], u)).lower_bound for own in points]
+            [matrices_norm(series(W, loop.select(y, u))).lower_bound for y, W in zip(added, bounds, strict=True)]
             for u in K.output_labels
         ]
         # an entry sees the control that drives it
         unit = balance(np.tile(np.eye(len(K.output_labels)), len(K.input_labels)).T @ gains)[1].reshape(unit.shape)
     wide, weighed, points = _joined(family, K, bounds, unit)
-    around = [*sum(points, ())]
-
-    def worst(rtol: float | None) -> WorstCase:
-        return worst_case(
-            wide,
-            weighed,  # type: ignore[arg-type]
-            [*map(injected, around)],
-            K.output_labels,
-            rtol=rtol,
-            max_cells=max_cells,
-            delay=delay,
-            injection_points=around,
-        )
-
-    found = worst(None)
+    signals: Any = [*map(injected, points)], K.output_labels
+    worst = partial(worst_case, wide, weighed, *signals, max_cells=max_cells, delay=delay, injection_points=points)
+    found = worst(rtol=None)
     if found.lower_bound >= 1.0 - ROOT:
         return found
-    return worst((1.0 - ALIKE) / max(found.lower_bound, 0.5) - 1.0)  # a level of one, or twice the largest gain found
+    # a level of one, or twice the largest gain found
+    return worst(rtol=(1.0 - ALIKE) / max(found.lower_bound, 0.5) - 1.0)
 
 
 def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[Lti]:
     """Return the bound of each entry, from what the controller drives to what it reads, as the loop meets it."""
     W = of(unmodelled, "additive_uncertainty", "StateSpace")
-    for what, wanted, there in (
-        ("input", K.output_labels, W.input_labels),
-        ("output", K.input_labels, W.output_labels),
-    ):
-        for name in wanted:
-            known(f"{what} of additive_uncertainty (the controller has it)", name, there)
+    for name in K.output_labels:
+        known("input of additive_uncertainty (the controller has it)", name, W.input_labels)
+    for name in K.input_labels:
+        known("output of additive_uncertainty (the controller has it)", name, W.output_labels)
     if (W.poles.real >= 0.0).any():
         raise ValueError(
             f"`additive_uncertainty` must be stable, got a pole with real part {W.poles.real.max():.4g} rad/s."
         )
     result = []
-    for y in K.input_labels:
-        for u in K.output_labels:
-            entry = W.select(u, y)
-            if K.dt and entry.D.any():
-                raise ValueError(
-                    f"`additive_uncertainty` must fall with frequency from {u} to {y}, got {abs(entry.D[0, 0]):.4g} at"
-                    " infinite frequency, of which samples fold back more than any bound. Multiply it by a low-pass filter."
-                )
-            reached, seen, chain = entry.B.any(axis=1), entry.C.any(axis=0), entry.A != 0.0
-            for _ in range(len(chain)):
-                reached, seen = reached | (chain @ reached), seen | (seen @ chain)
-            own = np.flatnonzero(reached & seen)
-            entry = Lti(entry.A[np.ix_(own, own)], entry.B[own], entry.C[:, own], entry.D)
-            result.append(_folded(entry, K.dt) if K.dt else entry)
+    for y, u in product(K.input_labels, K.output_labels):
+        entry = W.select(u, y)
+        if K.dt and entry.D.any():
+            raise ValueError(
+                f"`additive_uncertainty` must fall with frequency from {u} to {y}, got {abs(entry.D[0, 0]):.4g} at infinite"
+                " frequency, of which samples fold back more than any bound. Multiply it by a low-pass filter."
+            )
+        reached, seen, chain = entry.B.any(axis=1), entry.C.any(axis=0), entry.A != 0.0
+        for _ in range(len(chain)):
+            reached, seen = reached | (chain @ reached), seen | (seen @ chain)
+        own = np.flatnonzero(reached & seen)
+        entry = Lti(entry.A[np.ix_(own, own)], entry.B[own], entry.C[:, own], entry.D)
+        result.append(_folded(entry, K.dt) if K.dt else entry)
     return result
 
 
@@ -127,41 +114,27 @@ def _folded(W: Lti, dt: float) -> Lti:
     return Lti(Phi, B, W.C * size, np.zeros((1, len(B))), dt=dt)
 
 
-def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple[Family, Lti, list[tuple[str, ...]]]:
-    """Return family, controller and the injection points of each entry, whose signals have size one within the bound.
+def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple[Family, Lti, tuple[str, ...]]:
+    """Return family, controller and injection points of the entries, whose signals have size one within their bounds.
 
     The injection points are outputs of the family that are zero; the controller weighs what is injected there.  ``unit`` are
     the units of the entries, (p, m); controls are in units in which their size is that of all entries which they drive.
     """
-    p, m = unit.shape
+    (p, m), ports = unit.shape, family.nominal.ports
     size = np.sqrt(np.square(1.0 / unit).sum(axis=0))
-    center, ports = family.nominal, family.nominal.ports
-    ends = np.cumsum([0, *(entry.B.shape[1] for entry in bounds)])
-    names = tuple(f"unmodelled {k + 1}" for k in range(ends[-1]))
-    share = np.ones(len(ports.inputs))
-    share[[ports.inputs.index(name) for name in K.output_labels]] = 1.0 / size
-
-    def wider(X: Array) -> Array:
-        return np.pad(X, [(0, 0)] * (X.ndim - 2) + [(0, len(names)), (0, 0)]) if X.ndim else X
-
-    wide = replace(
-        ports,
-        outputs=ports.outputs + names,
-        B=ports.B * share,
-        L=wider(ports.L),
-        E=wider(ports.E * share),
-        bandwidths=ports.bandwidths + (None,) * len(names),
-        strains=None if ports.strains is None else ports.strains * share,
-        tensions=None if ports.tensions is None else wider(ports.tensions),
+    entries = append(*bounds)
+    names = tuple(f"unmodelled {k + 1}" for k in range(entries.B.shape[1]))
+    into, out_of = np.eye(len(ports.inputs)), np.eye(len(ports.outputs), len(ports.outputs) + len(names))
+    for name, own in zip(K.output_labels, size, strict=True):
+        into[:, ports.inputs.index(name)] /= own
+    wide = ports.mixed(np.eye(len(ports.L[0].T)), (into, ports.inputs), (out_of, ports.outputs + names))
+    wide = replace(wide, bandwidths=ports.bandwidths + (None,) * len(names))
+    changes = tuple(
+        (power, replace(x, B=x.B @ into, L=out_of.T @ x.L if x.L.any() else x.L)) for power, x in family.coefficients
     )
-    changes = tuple((power, Slope(x.M, x.C, x.K, x.B * share, wider(x.L))) for power, x in family.coefficients)
-    structure = SecondOrderModel.of(center.structure, wide)
-    free = tuple(center.coordinates[i] for i in family._unfelt)
+    plants = replace(family, nominal=SecondOrderModel.of(family.nominal.structure, wide), coefficients=changes)
     rows = np.kron(np.eye(p), np.ones(m)) * unit.ravel()  # which output an entry adds to, in its unit
-    A, B, C, D = (linalg.block_diag(*(getattr(entry, x) for entry in bounds)) for x in "ABCD")
-    B, D = np.hstack([np.zeros((len(A), p)), B]), np.hstack([np.eye(p), rows @ D])
-    weights = Lti(A, B, rows @ C, D, (*K.input_labels, *names), K.input_labels, dt=K.dt)
-    weighed = series(weights, replace(K, state_labels=()))
-    weighed = replace(weighed, C=size[:, None] * weighed.C, D=size[:, None] * weighed.D)
-    points = [names[a:b] for a, b in pairwise(ends)]
-    return PolynomialFamily(family.names, family.low, family.high, structure, changes, free), weighed, points
+    B, D = np.hstack([np.zeros((len(entries.A), p)), entries.B]), np.hstack([np.eye(p), rows @ entries.D])
+    weights = Lti(entries.A, B, rows @ entries.C, D, (*K.input_labels, *names), K.input_labels, dt=K.dt)
+    weighed = series(weights, replace(K, C=size[:, None] * K.C, D=size[:, None] * K.D, state_labels=()))
+    return plants, weighed, names

@@ -1,19 +1,16 @@
 """The worst case of a loop over a box of parameters, from both sides: the worst point found, and a bound proved over all."""
 
-import itertools
 from dataclasses import dataclass
+from functools import cache
 from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.box.level import DrivenLoops
-from boomctl.analysis.box.loops import BoxLoops, checked_controller, joined_at
+from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
+from boomctl.analysis.box.polynomials import stable, value_at
 from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
-from boomctl.analysis.box.sampled_level import SampledLoops
-from boomctl.analysis.box.scheduled import ScheduledController
-from boomctl.analysis.box.zero_exclusion import value_at
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.loops import sign_advice
 from boomctl.analysis.norm import NAMES, NormBounds, matrices_norm
@@ -29,6 +26,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     import control
+
+    from boomctl.analysis.box.level import LoopPart
+    from boomctl.analysis.box.scheduled import ScheduledController
 
 _CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
 _LARGEST = 1.0  # a tolerance beyond which a bound says nothing (a choice)
@@ -138,14 +138,15 @@ def worst_case(
 
     A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
     sample, and outputs are those at the samples.  The loop is then a polynomial of the parameters
-    (:mod:`boomctl.analysis.box.sampled_level`): what it misses is measured at points drawn, and counted ten times.
+    (:mod:`boomctl.analysis.box.sampled`): what it misses is measured at points drawn, and counted ten times.
 
     Parameters
     ----------
     family : AffineFamily or PolynomialFamily
         The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
     controller : control.StateSpace or ScheduledController
-        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.
+        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  One that follows a parameter of the
+        family (:func:`boomctl.gain_schedule`) is taken at each constant value, as in :func:`boomctl.robust_stability`.
     inputs, outputs : str or sequence of str, optional
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
         disturbances and injected signals to all outputs of the family.
@@ -194,136 +195,109 @@ def worst_case(
     if wanted is not None and wanted > _LARGEST:
         raise ValueError(f"`rtol` must be at most {_LARGEST:g}, got {wanted:g}.")
     known("norm", norm, NAMES)
-    K, late = checked_controller(family, controller, delay)
-    if K is None or K.dt == 0.0:
-        BoxLoops.of(family, controller)  # which refuses what makes no loop
+    loops = BoxLoops.of(family, controller, delay)
 
     def loop_at(delta: Array) -> Lti:
-        loop = joined_at(family, controller, late, delta).closed(injection_points)
+        loop = loops.at(delta).closed(injection_points)
         return loop.select(inputs, family.nominal.output_labels if outputs is None else outputs)
 
-    seen: dict[bytes, Any] = {}
+    @cache
+    def norm_at(point: bytes) -> Any:
+        loop = loop_at(np.frombuffer(point))
+        return matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
 
     def at(delta: Array) -> Any:
         """Return the certificate of the norm at a point."""
-        result = seen.get(delta.tobytes())
-        if result is None:
-            loop = loop_at(delta)
-            result = matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
-            seen[delta.tobytes()] = result
-        return result
+        return norm_at(delta.tobytes())
 
-    looked_at = itertools.count(1)
+    def peak(point: Array) -> float:
+        tell("points of the box", 1 + norm_at.cache_info().currsize)
+        return at(point).lower_bound
+
     with computing("worst case", progress):
-
-        def peak(point: Array) -> float:
-            tell("points of the box", next(looked_at))
-            return at(point).lower_bound
-
         delta, _, tried = pattern_search(peak, family.nparameters, 1.0)
-        nominal = at(np.zeros(family.nparameters))
-        bound, proof, reason = inf, BoxProof(False), ""
+        middle = np.zeros(family.nparameters)
+        nominal, bound, proof = at(middle), inf, BoxProof(False)
         if norm == "h2":
             reason = "found, not proved: an H2 norm"
         elif wanted is None:
             reason = "none was asked for"
         elif at(delta).lower_bound == inf:
             reason = _LOST
-        elif K is None:
-            reason = "none is tried for controllers that follow a parameter"
         else:
             tell("loop over the box")
-            parts, reason = driven_parts(family, K, loop_at(np.zeros(family.nparameters)), late)
-            reason = reason or hindrance(parts, at, delta)
-            if not reason:
-                delta, bound, proof, reason = _bounded(parts, at, delta, wanted, limit)
-    reason = reason if nominal.lower_bound < inf else _advised(reason, family, K, late)
+            level = _Level(at, delta, wanted)
+            proof, reason = _proved(loops, loop_at(middle), level, limit)
+            delta, bound = level.worst, level.level if proof.proved else inf
+    if nominal.lower_bound == inf and isinstance(loops.controller, Lti):
+        advice = sign_advice(of(family.at(middle), sampled=True), loops.controller, loops.delay)
+        reason = f"{reason}; {advice}" if advice else reason
     cells = proof.dear + proof.cheap
     return WorstCase(at(delta), family.denormalize(delta), nominal, tried, bound, cells, reason, proof.method)
 
 
-def _advised(reason: str, family: Family, K: Lti | None, late: float) -> str:
-    """Return the reason, followed by the advice to pass ``-K`` if that stabilizes the nominal loop."""
-    advice = "" if K is None else sign_advice(of(family.at(np.zeros(family.nparameters)), sampled=True), K, late)
-    return f"{reason}; {advice}" if advice else reason
+class _Level(Statement):
+    """That no norm over a box reaches a level, which is raised where a worse point is met, and where cells run out."""
+
+    def __init__(self, at: "Callable[[Array], NormBounds]", worst: Array, gap: float) -> None:
+        self.at, self.worst, self.lower, self.gap, self.loosened = at, worst, at(worst).lower_bound, gap, 0
+        super().__init__(lambda point: at(point).lower_bound < inf, self.lower * (1.0 + gap))
+
+    def met(self, gain: float, point: Array) -> None:
+        if gain > self.lower * (1.0 + _SAME):
+            worst, most, _ = pattern_search(lambda d: self.at(d).lower_bound, len(point), 1.0, point)
+            if most > self.lower:  # a gain of the polynomials may lie above that of the loop
+                self.worst, self.lower = worst, most
+            if self.lower * (1.0 + 0.5 * self.gap) > self.level:
+                self.level = self.lower * (1.0 + self.gap)
+
+    def holds(self, point: Array) -> bool:
+        self.met(self.at(point).lower_bound, point)
+        return self.stable(point)
+
+    def looser(self) -> bool:
+        if self.loosened == _LOOSENED or self.gap >= _LARGEST:
+            return False
+        self.gap, self.loosened = min(_LOOSER * self.gap, _LARGEST), self.loosened + 1
+        self.level = self.lower * (1.0 + self.gap)
+        return True
 
 
-def driven_parts(
-    family: Family, K: Lti, judged: Lti, late: float
-) -> "tuple[Sequence[DrivenLoops] | Sequence[SampledLoops], str]":
-    """Return the loops whose level is to be proved, between the signals judged, or why there are none."""
+def _proved(loops: BoxLoops, judged: Lti, level: _Level, limit: int) -> tuple[BoxProof, str]:
+    """Prove a level between the signals of a loop, and return why it is not proved."""
     try:
-        if K.dt == 0.0:
-            return [DrivenLoops.of(family, K.balanced(), judged.input_labels, judged.output_labels)], ""
-        return SampledLoops.over(family, K, judged.input_labels, judged.output_labels, late), ""
+        parts = loops.parts(judged.input_labels, judged.output_labels)
     except ValueError as error:
-        return [], str(error)
+        return BoxProof(False), str(error)
+    if reason := _hindrance(parts, level):
+        return BoxProof(False), reason
+    result = prove_box(parts, level, limit / WORTH)
+    if result.proved:
+        drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(level.worst)))
+        if max(level.at(point).lower_bound for point in drawn) > level.level:
+            raise ArithmeticError(f"worst_case: a norm above the level proved, {level.level:.9g}, at a point drawn")
+        return result, ""
+    if result.refuted is not None:
+        level.worst = result.refuted
+    elif level.level < inf:
+        return result, f"it would take more than max_cells = {limit} at {level.level:.5g}"
+    return result, _LOST
 
 
-def hindrance(
-    parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]", at: "Callable[[Array], NormBounds]", delta: Array
-) -> str:
+def _hindrance(parts: "Sequence[LoopPart]", level: _Level) -> str:
     """Return why there is no bound to be looked for; empty where there may be one.
 
     The loops that are proved are those whose norms were found: they are compared at the worst point, or what is nearest to it
     in a part of the box, in the middle, and at points drawn.
     """
     for part in parts:
-        middle, reach = part.cell.middle, part.cell.reach
-        nearest = np.clip((delta - middle) / reach, -1.0, 1.0)
-        drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(delta)))
-        for point in (nearest, 0.0 * middle, *drawn):
-            if not value_at(part.pencils, point).stable:
+        nearest = np.clip((level.worst - part.cell.middle) / part.cell.reach, -1.0, 1.0)
+        drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(nearest)))
+        for point in (nearest, 0.0 * nearest, *drawn):
+            if not stable(value_at(part.pencils, point)):
                 return "a pole that does not decay hides from these signals"
-            here, there = at(middle + reach * point), matrices_norm(part.at(point))
+            here, there = level.at(part.cell.point(point)), matrices_norm(part.at(point))
             known = [(x.lower_bound, x.upper_bound if x.verified else x.lower_bound) for x in (here, there)]
             if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
                 return f"two routes to the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
-    return "" if at(delta).lower_bound > 0.0 else "nothing comes through at any point tried"
-
-
-def _bounded(
-    parts: "Sequence[DrivenLoops] | Sequence[SampledLoops]",
-    at: "Callable[[Array], NormBounds]",
-    delta: Array,
-    tolerance: float,
-    limit: int,
-) -> tuple[Array, float, BoxProof, str]:
-    """Return the worst point, a level proved over the whole box, how, and why there is none.
-
-    The level is raised where a worse point is met, and where cells run out.
-    """
-    lower, gap, loosened = at(delta).lower_bound, tolerance, 0
-    at_infinity = max(part.at_infinity for part in parts)
-    level = max(lower, at_infinity) * (1.0 + gap)
-
-    def met(gain: float, point: Array) -> None:
-        nonlocal delta, lower, level
-        if gain > lower * (1.0 + _SAME):
-            result, most, _ = pattern_search(lambda d: at(d).lower_bound, len(delta), 1.0, point)
-            if most > lower:  # a gain of the polynomials may lie above that of the loop
-                delta, lower = result, most
-            if lower * (1.0 + 0.5 * gap) > level:
-                level = lower * (1.0 + gap)
-
-    def holds(point: Array) -> bool:
-        met(at(point).lower_bound, point)
-        return at(point).lower_bound < inf
-
-    def looser() -> bool:
-        nonlocal gap, loosened, level
-        if loosened == _LOOSENED or gap >= _LARGEST:
-            return False
-        gap, loosened = min(_LOOSER * gap, _LARGEST), loosened + 1
-        level = max(lower, at_infinity) * (1.0 + gap)
-        return True
-
-    result = prove_box(parts, Statement(lambda: level, met, holds, looser), limit / WORTH)
-    if result.proved:
-        drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(delta)))
-        if max(at(point).lower_bound for point in drawn) > level:
-            raise ArithmeticError(f"worst_case: a norm above the level proved, {level:.9g}, at a point drawn")
-        return delta, level, result, ""
-    if result.refuted is not None or level == inf:
-        return (delta if result.refuted is None else result.refuted), inf, result, _LOST
-    return delta, inf, result, f"it would take more than max_cells = {limit} at {level:.5g}"
+    return "" if level.lower > 0.0 else "nothing comes through at any point tried"

@@ -16,15 +16,13 @@ eigenvectors follow the parameters to first order, so that the couplings are of 
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from itertools import product
-from math import comb, prod
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import linalg
 
-from boomctl.analysis.box.loop_pencil import LoopPencil
+from boomctl.analysis.box.polynomials import Cell, Polynomial, about
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS, TINY
@@ -45,37 +43,6 @@ _LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries co
 _CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
 _PRODUCTS = 3  # parameters in a product whose matrix keeps its phases; longer products are small (a choice)
 _ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a choice)
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A box of parameters: its middle and half its widths."""
-
-    middle: Array
-    reach: Array
-
-    def halves(self, axis: int) -> tuple["Cell", "Cell"]:
-        """Return the two halves across an axis."""
-        step = np.zeros(len(self.middle))
-        step[axis] = 0.5 * self.reach[axis]
-        reach = np.where(np.arange(len(step)) == axis, 0.5 * self.reach, self.reach)
-        return Cell(self.middle - step, reach), Cell(self.middle + step, reach)
-
-
-@dataclass(frozen=True)
-class CellProof:
-    """What is known of a cell.
-
-    Attributes
-    ----------
-    proved : bool
-        Whether no eigenvalue touches the imaginary axis anywhere in the cell.
-    axis : int
-        The parameter that couples modes most, to be halved next.
-    """
-
-    proved: bool
-    axis: int
 
 
 @dataclass(frozen=True)
@@ -116,84 +83,40 @@ class _Modes:
 Factors = tuple[Array, Array]
 """Two matrices in place of their product."""
 
-Terms = Mapping[tuple[int, ...], LoopPencil]
-"""A pencil that is a polynomial of parameters: of each product of them, ``()`` for one, ``(0, 0, 1)`` for ``d0^2 d1``."""
 
-
-def value_at(terms: Terms, delta: Array) -> LoopPencil:
-    """Return the pencil at a point of the box."""
-    shares = [float(np.prod(delta[list(power)])) for power in terms]
-    E, A = (sum(w * getattr(x, name) for w, x in zip(shares, terms.values(), strict=True)) for name in "EA")
-    return LoopPencil(np.asarray(E), np.asarray(A))
-
-
-def about(terms: Terms, middle: Array) -> dict[tuple[int, ...], LoopPencil]:
-    """Return the same polynomial in the distances of the parameters from another middle."""
-    kept, rows, columns, ways, left = _factors(tuple(terms), len(middle))
-    shares = np.zeros((len(kept), len(terms)))
-    shares[rows, columns] = ways * (middle**left).prod(axis=1)
-    E, A = (np.tensordot(shares, np.array([getattr(x, name) for x in terms.values()]), 1) for name in "EA")
-    return {power: LoopPencil(E[j], A[j]) for j, power in enumerate(kept) if not power or shares[j].any()}
-
-
-@lru_cache(maxsize=8)
-def _factors(
-    powers: tuple[tuple[int, ...], ...], size: int
-) -> tuple[list[tuple[int, ...]], Array, Array, Array, Array]:
-    """Return the products that shifted ones expand into; of each pair row, column, binomial coefficient and powers left."""
-    places: dict[tuple[int, ...], int] = {}
-    pairs, left = [], []
-    for column, power in enumerate(powers):
-        often = [power.count(i) for i in range(size)]
-        for here in product(*(range(count + 1) for count in often)):
-            row = places.setdefault(tuple(i for i, count in enumerate(here) for _ in range(count)), len(places))
-            pairs.append((row, column, prod(map(comb, often, here))))
-            left.append([n - count for n, count in zip(often, here, strict=True)])
-    return list(places), *np.array(pairs).T, np.array(left)
-
-
-def prove_cell(terms: Terms, cell: Cell, missed: Array | None = None) -> CellProof:
-    """Try to prove that the poles stay on their side of the imaginary axis throughout a cell; ``missed``: as below."""
-    return prove_pencil(terms, cell, value_at(terms, cell.middle).stable, missed)
-
-
-def prove_pencil(terms: Terms, cell: Cell, holds: bool, missed: Array | None = None) -> CellProof:
-    """Try to prove that no eigenvalue is imaginary anywhere in a cell.
+def axis_to_halve(terms: Polynomial, cell: Cell, holds: bool, missed: Array) -> int | None:
+    """Return None where no eigenvalue is imaginary anywhere in a cell; otherwise the parameter to be halved next.
 
     ``holds`` tells whether what is to be proved is true in its middle; ``missed`` is by how much entries of ``E`` and ``A``
     may be off.
     """
     modes = _modes(about(terms, cell.middle), cell.reach, missed) if holds else None
     if modes is None:
-        return CellProof(False, int(np.argmax(cell.reach)))
-    worst = _unexcluded_frequency(modes)
-    return CellProof(worst is None, 0 if worst is None else _parameter_to_halve(modes, worst))
+        return int(np.argmax(cell.reach))
+    point = _unexcluded_frequency(modes)
+    if point is None:
+        return None
 
-
-def _parameter_to_halve(modes: _Modes, point: Array) -> int:
-    """Return the parameter whose range, halved, would leave the least couplings at a frequency."""
-    result = []
-    for axis in range(modes.powers.shape[1]):
+    def left(axis: int) -> tuple[bool, float]:
+        """Return how much couples the modes there, the range of a parameter halved."""
         half = modes.halved(axis)
-        n = len(half.poles)
-        coupling = _couplings(_squares(half), point[None]).reshape(n, n)
+        coupling = _couplings(_squares(half), point[None]).reshape(modes.E.shape[1:])
         distance = _along(half, point[None])[:, 0].max(axis=0)
-        clear = float(distance.min())
-        if clear > 0.0:
-            result.append((0, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max()), axis))
-        else:
-            result.append((1, -clear, axis))
-    return min(result)[2]
+        if (distance <= 0.0).any():
+            return True, -float(distance.min())
+        return False, float(np.abs(np.linalg.eigvals(coupling / distance[:, None])).max())
+
+    return min(range(len(cell.reach)), key=left)
 
 
-def _modes(local: Terms, reach: Array, missed: Array | None = None) -> _Modes | None:
-    here = local[()]
+def _modes(local: Polynomial, reach: Array, missed: Array) -> _Modes | None:
+    E, A = local[()]
     try:
-        state = np.linalg.solve(here.E, here.A)
+        state = np.linalg.solve(E, A)
         balanced, scale = balance(state)
         poles, V = linalg.eig(balanced)  # type: ignore[misc]
         V = V.astype(complex) * np.asarray(scale)[:, None]  # of real poles alone they come as real numbers
-        W = np.linalg.inv(here.E @ V)
+        W = np.linalg.inv(E @ V)
     except np.linalg.LinAlgError:  # a singular E
         return None
 
@@ -201,11 +124,11 @@ def _modes(local: Terms, reach: Array, missed: Array | None = None) -> _Modes | 
         rows = np.flatnonzero(X.any(axis=1))  # A parameter changes few rows: factors of low rank make products cheap.
         return W[:, rows], X[rows] @ V
 
-    both = {power: (factors(x.E), factors(x.A)) for power, x in local.items()}
+    both = {power: (factors(pencil[0]), factors(pencil[1])) for power, pencil in local.items()}
     eye = np.eye(len(poles), dtype=complex)
     rounding = [F @ G - X for (F, G), X in zip(both.pop(()), (eye, np.diag(poles)), strict=True)]
     both[(-1,)] = (eye, rounding[0]), (eye, rounding[1])
-    off = np.zeros(state.shape) if missed is None else np.abs(W) @ missed @ np.abs(V)
+    off = np.abs(W) @ missed @ np.abs(V)
     finite = all(np.isfinite(X).all() for pair in both.values() for item in pair for X in item)
     return _straightened(poles, both, reach, off) if finite else None
 

@@ -1,0 +1,114 @@
+"""Polynomials of parameters whose coefficients are arrays, and pencils ``s E - A``, which are stored as ``[E, A]``.
+
+A state-space form would need the inverse of the mass matrix, and would not be a polynomial.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import chain, product
+from math import comb, prod
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.modal import side_of_axis
+
+Polynomial = Mapping[tuple[int, ...], Array]
+"""Of each product of parameters its coefficient: ``()`` for one, ``(0, 0, 1)`` for ``d0^2 d1``."""
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A box of parameters: its middle and half its widths."""
+
+    middle: Array
+    reach: Array
+
+    @classmethod
+    def whole(cls, size: int) -> "Cell":
+        """Return the box of all parameters from -1 to 1."""
+        return cls(np.zeros(size), np.ones(size))
+
+    def halves(self, axis: int) -> tuple["Cell", "Cell"]:
+        """Return the two halves across an axis."""
+        step = np.zeros(len(self.middle))
+        step[axis] = 0.5 * self.reach[axis]
+        reach = np.where(np.arange(len(step)) == axis, 0.5 * self.reach, self.reach)
+        return Cell(self.middle - step, reach), Cell(self.middle + step, reach)
+
+    def point(self, share: Array) -> Array:
+        """Return a point of the cell, ``share`` from -1 to 1 across it."""
+        return self.middle + self.reach * share
+
+
+def value_at(terms: Polynomial, delta: Array) -> Array:
+    """Return the value at a point."""
+    return np.asarray(sum(float(np.prod(delta[list(power)])) * X for power, X in terms.items()))
+
+
+def sum_of(*terms: Polynomial) -> dict[tuple[int, ...], Array]:
+    """Return the sum of polynomials."""
+    result: dict[tuple[int, ...], Array] = {}
+    for power, X in chain(*(item.items() for item in terms)):
+        result[power] = result.get(power, 0.0) + X
+    return result
+
+
+def stacked(upper: Polynomial, lower: Polynomial, more: int = 0) -> dict[tuple[int, ...], Array]:
+    """Return one polynomial above the other, and so many columns of zeros behind both."""
+    pairs = {q: [X.get(q, 0.0 * X[()]) for X in (upper, lower)] for q in dict.fromkeys((*upper, *lower))}
+    return {q: np.pad(np.vstack(pair), ((0, 0), (0, more))) for q, pair in pairs.items()}
+
+
+def product_of(first: Polynomial, second: Polynomial) -> dict[tuple[int, ...], Array]:
+    """Return the product of two polynomials of matrices."""
+    result: dict[tuple[int, ...], Array] = {}
+    for (p, X), (q, Y) in product(first.items(), second.items()):
+        power = tuple(sorted((*p, *q)))
+        result[power] = result.get(power, 0.0) + X @ Y
+    return result
+
+
+def within(terms: Polynomial, cell: Cell) -> dict[tuple[int, ...], Array]:
+    """Return the same polynomial in parameters that run from -1 to 1 across a cell."""
+    return {power: float(np.prod(cell.reach[list(power)])) * X for power, X in about(terms, cell.middle).items()}
+
+
+def about(terms: Polynomial, middle: Array) -> dict[tuple[int, ...], Array]:
+    """Return the same polynomial in the distances of the parameters from another middle."""
+    powers, rows, columns, ways, left = _factors(tuple(terms), len(middle))
+    shares = np.zeros((len(powers), len(terms)))
+    shares[rows, columns] = ways * (middle**left).prod(axis=1)
+    result = np.tensordot(shares, np.array([*terms.values()]), 1)
+    return {power: X for power, X, share in zip(powers, result, shares, strict=True) if not power or share.any()}
+
+
+@lru_cache(maxsize=8)
+def _factors(
+    powers: tuple[tuple[int, ...], ...], size: int
+) -> tuple[list[tuple[int, ...]], Array, Array, Array, Array]:
+    """Return the products that shifted ones expand into; of each pair row, column, binomial coefficient and powers left."""
+    places: dict[tuple[int, ...], int] = {}
+    pairs, left = [], []
+    for column, power in enumerate(powers):
+        often = [power.count(i) for i in range(size)]
+        for here in product(*(range(count + 1) for count in often)):
+            row = places.setdefault(tuple(i for i, count in enumerate(here) for _ in range(count)), len(places))
+            pairs.append((row, column, prod(map(comb, often, here))))
+            left.append([n - count for n, count in zip(often, here, strict=True)])
+    return list(places), *np.array(pairs).T, np.array(left)
+
+
+def poles_of(pencil: Array) -> Array:
+    """Return the eigenvalues of a pencil [rad/s]; infinite ones where ``E`` is singular."""
+    try:
+        return linalg.eigvals(np.linalg.solve(*pencil))
+    except np.linalg.LinAlgError:
+        return np.array([complex(np.inf)])
+
+
+def stable(pencil: Array) -> bool:
+    """Return whether all eigenvalues decay; undamped ones do not."""
+    return bool((side_of_axis(poles_of(pencil)) < 0).all())
