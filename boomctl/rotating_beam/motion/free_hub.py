@@ -456,7 +456,7 @@ def _unseen(weights: _Weights, fine: Swept, window: Window) -> tuple[Array, Arra
     own = square * np.einsum("bii->bi", slope) + (omega * pushed) ** 2 * inertia + (omega * coupling) ** 2 * mobility
     own += 4.0 * speed**2 * np.einsum("bij,bij->bi", gyro, gyro)
     shift = np.minimum(2.0, 0.5 * own / omega * (window.flow.h * fine.force.shape[2])[:, None])
-    others = 2.0 * speed[..., None] * gyro + square[..., None] * slope / omega[:, None]
+    others = 2.0 * speed[..., None] * gyro + square[..., None] * slope / omega[:, None] + np.abs(modes.damping)
     to_tip = (weights.tip[:, None, 1:] @ others)[:, 0] + np.sum(weights.tip[:, 1:] * pushed, axis=1)[:, None] * varies
     tip = (weights.tip[:, 1:] * shift + to_tip / omega) * rate
     hub = (weights.hub[:, 1:] * shift + (weights.speed * modes.push[:, 0] ** 2)[:, None] * varies / omega) * rate

@@ -100,7 +100,7 @@ class Accuracy:
     def roughness(self, trajectory: Trajectory, allowed: list[float]) -> Array:
         """How far a step's highest Legendre terms move the watched displacements, as a part of what is allowed."""
         moved = trajectory.highest_terms()
-        parts = [np.abs(moved @ rows.T).max(axis=1) / bound for rows, bound in zip(self.rows, allowed, strict=True)]
+        parts = [(moved @ np.abs(rows).T).max(axis=1) / bound for rows, bound in zip(self.rows, allowed, strict=True)]
         return np.max(parts, axis=0)
 
 
