@@ -23,7 +23,8 @@ from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam, without_axial_modes
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
-from boomctl.rotating_beam.motion.run import Scene, motion_of
+from boomctl.rotating_beam.motion.run import motion_of
+from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion
 from boomctl.rotating_beam.selection import ModelChoice

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from boomctl.gauss import gauss_method
 from boomctl.maneuvers import applied_torque, free_hub, sine_torque
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
-from boomctl.rotating_beam.motion.run import Scene, _collocated
+from boomctl.rotating_beam.motion.run import _collocated
+from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.slew.torque import bang_bang, held
 from tests.profiles import examples
 from tests.rotating_beam.strategies import ALL_MODELS
