@@ -166,29 +166,31 @@ def modal_march(
     mean = np.append(at_nodes @ method.weights, square[-1])
     values, shapes = np.linalg.eigh(form.stiffness + mean[:, None, None] * form.slope)
     omega, modes = np.sqrt(values), shapes[:-1]
-    answers = responses(1j * omega[:-1], h, STAGES, SMOOTH)
+    rates, lengths = 1j * omega, np.append(h, 1.0)
+    answers = responses(rates, lengths, STAGES, SMOOTH)
     push = (form.push @ modes)[..., None] * maneuver.acceleration(nodes).reshape(h.size, 1, STAGES)
     remainder = at_nodes - mean[:-1, None]
-    steps = _solve_steps(omega[:-1], h, answers, push, remainder, modes.swapaxes(1, 2) @ form.slope @ modes)
-    ends = modes[:, None] @ steps.ends.swapaxes(1, 2)
-    turned = ends[..., :-1].reshape(h.size, 2 * n, 2, n) @ modes.swapaxes(1, 2)[:, None]
-    turned = turned.reshape(h.size, 2 * n, 2 * n)
+    steps = _solve_steps(omega[:-1], h, answers[:-1], push, remainder, modes.swapaxes(1, 2) @ form.slope @ modes)
+    turned = modes[:, None] @ steps.transition.swapaxes(1, 2).reshape(h.size, 2, n, 2 * n)
+    turned = (turned.reshape(h.size, 2 * n, 2, n) @ modes.swapaxes(1, 2)[:, None]).reshape(h.size, 2 * n, 2 * n)
+    gained = (modes @ steps.pushed).swapaxes(1, 2).reshape(h.size, 2 * n)
     start_state = np.concatenate([form.to_x @ start[0], form.to_x @ start[1]])
-    state = _run_through(turned, ends[..., -1].reshape(h.size, 2 * n), start_state)
+    state = _run_through(turned, gained, start_state)
     modal = state.reshape(-1, 2, n) @ shapes
-    known = np.column_stack([modal[:-1].reshape(h.size, 2 * n), np.ones(h.size)])
+    known = np.ones((h.size, 2 * n + 1))
+    known[:, :-1] = modal[:-1].reshape(h.size, 2 * n)
     force = np.zeros((h.size + 1, n, 1, STAGES))
     force[:-1, :, 0] = (steps.force @ known[:, None, :, None])[..., 0]
     lost = 2.0 * (steps.end_by_force @ (force[:-1, :, 0] @ _highest().T)[..., None])[..., 0]
     lost = lost.swapaxes(1, 2) @ modes.swapaxes(1, 2)
     vibrations = Vibrations(
         begin=edges,
-        h=np.append(h, 1.0),
-        rates=1j * omega,
+        h=lengths,
+        rates=rates,
         shapes=shapes,
         force=force,
         starts=(modal[:, 1] + 1j * omega * modal[:, 0])[..., None],
-        answers=np.concatenate([answers, np.zeros_like(answers[:1])]),
+        answers=answers,
     )
     error = _run_through(turned, lost.reshape(h.size, 2 * n), np.zeros(2 * n))
     return ModalTrajectory(form, maneuver, vibrations, state[:, :n], error, np.abs(remainder).max(axis=1))
@@ -201,14 +203,17 @@ class _Steps(NamedTuple):
     ----------
     force : ndarray, m x n x s x (2 n + 1)
         Modal forces at the nodes.
-    ends : ndarray, m x n x 2 x (2 n + 1)
-        Coordinates and rates at the end.
+    transition : ndarray, m x n x 2 x 2 x n
+        Coordinates and rates at the end by those at the start.
+    pushed : ndarray, m x n x 2
+        By the hub's acceleration.
     end_by_force : ndarray, m x n x 2 x s
         Coordinates and rates at the end by the forces at the nodes.
     """
 
     force: Array
-    ends: Array
+    transition: Array
+    pushed: Array
     end_by_force: Array
 
 
@@ -232,30 +237,29 @@ def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder:
     """
     (m, n), s = omega.shape, STAGES
     turned = turning(1j * omega, h[:, None] * np.append(gauss_method(s).nodes, 1.0))
-    rested = turned[..., None] * answers[:, :, :1]
-    np.subtract(answers[:, :, 1:], rested, out=rested)
-    to_nodes = np.tensordot(rested.imag[:, :, :s] / omega[..., None, None], to_terms(s), 1)
-    end_by_force = np.stack([rested.imag[:, :, s] / omega[..., None], rested.real[:, :, s]], axis=2) @ to_terms(s)
+    to_nodes, end_by_force = _from_rest(omega, answers, turned)
     cosine, sine = turned.real, turned.imag / omega[..., None]
     free = np.zeros((m, n, s, 2 * n + 1))
-    _diagonal(free[..., :n])[...] = cosine[..., :s]
-    _diagonal(free[..., n:-1])[...] = sine[..., :s]
+    np.einsum("mnsn->mns", free[..., :n])[...] = cosine[..., :s]
+    np.einsum("mnsn->mns", free[..., n:-1])[...] = sine[..., :s]
     pushed = (to_nodes @ push[..., None])[..., 0]
     size = float(np.abs(pushed).max()) or 1.0
     np.divide(pushed, size, out=free[..., -1])
     force = _forces(to_nodes, remainder, coupling, free)
     force[..., -1] *= size
     force[..., -1] += push
-    ends = end_by_force @ force
-    turns = np.array([[cosine[..., s], sine[..., s]], [-sine[..., s] * omega**2, cosine[..., s]]])
-    for rate, column in np.ndindex(2, 2):
-        _diagonal(ends[:, :, rate : rate + 1, column * n : (column + 1) * n])[..., 0] += turns[rate, column]
-    return _Steps(force, ends, end_by_force)
+    transition = (end_by_force @ force[..., :-1]).reshape(m, n, 2, 2, n)
+    own = np.einsum("mnrcn->rcmn", transition)
+    own += [[cosine[..., s], sine[..., s]], [-sine[..., s] * omega**2, cosine[..., s]]]
+    return _Steps(force, transition, (end_by_force @ force[..., -1:])[..., 0], end_by_force)
 
 
-def _diagonal(tensor: Array) -> Array:
-    """A view, m x n x s, of the entries of an m x n x s x n array that belong to one mode."""
-    return np.einsum("mnsn->mns", tensor)
+def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Array]:
+    """What forces at the nodes do from rest: coordinates there, m x n x s x s, and `_Steps.end_by_force`."""
+    u = turned[..., None] * answers[:, :, :1]
+    np.subtract(answers[:, :, 1:], u, out=u)
+    z = u.imag / omega[..., None, None]
+    return z[:, :, :-1] @ to_terms(STAGES), np.stack([z[:, :, -1], u.real[:, :, -1]], axis=2) @ to_terms(STAGES)
 
 
 def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:

@@ -169,14 +169,14 @@ def responses(rates: Array, h: Array, stages: int, smooth_above: float) -> Array
         Oscillators of a larger phase in a step are given the motion that has no vibration; all others start from rest.
     """
     table, turned = _table(stages), rates * h[..., None]
-    powers = -np.vander(1.0 / turned.ravel(), stages + 1, increasing=True)[:, 1:]
+    powers = np.vander(1.0 / turned.ravel(), stages + 1, increasing=True)[:, 1:] * (-turned / rates).reshape(-1, 1)
     result = (powers @ table.derivatives.reshape(stages, -1)).reshape(*rates.shape, stages + 2, stages)
     slow = turned.imag <= smooth_above
     if slow.any():
         kernel = np.exp(turned[slow][:, None] * table.ahead.ravel()).reshape(-1, *table.ahead.shape)
         result[slow, 0] = 0.0
         result[slow, 1:] = (kernel.swapaxes(0, 1) @ table.quadrature).swapaxes(0, 1)
-    result *= h[..., None, None, None]
+        result[slow] *= (turned / rates)[slow, None, None]
     return result
 
 

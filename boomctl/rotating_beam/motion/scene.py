@@ -64,7 +64,7 @@ class Scene:
     @property
     def tip_rows(self) -> Array:
         """Displacements of the free end over the beam's coordinates, with one common largest value, 2 x (N - 1)."""
-        return np.stack([self.equations.tip.transverse, self.equations.tip.axial])
+        return np.array([self.equations.tip.transverse, self.equations.tip.axial])
 
     @cached_property
     def problem(self) -> Problem:

@@ -47,44 +47,46 @@ class Vibrations:
 
     def displacement(self, row: Array, timepts: Array) -> Array:
         """``row x`` at instants, k."""
-        weights = row @ self.shapes
+        weights = row @ self.shapes / self.rates.imag
         window, step, elapsed, place = self.placed(timepts)
-        polynomials = np.einsum("wn,wnmj->wmj", weights, self._polynomials[0])
-        result: Array = np.einsum("kj,kj->k", place, polynomials[window, step])
-        waves = (weights / self.rates.imag)[..., None] * self.waves
-        result += self._vibrating(waves, window, step, elapsed).imag.sum(axis=1)
+        polynomials = np.einsum("wn,wnmj->wmj", weights, self._polynomials.imag)
+        result: Array = legendre.legval(place, polynomials[window, step].T, tensor=False)
+        rates, at = self.rates[window], (window, slice(None), step)
+        size, angle = (np.abs(self.waves) * weights[..., None])[at], rates.imag * elapsed[:, None]
+        angle += np.angle(self.waves)[at]
+        if self.rates.real.any():
+            size *= np.exp(rates.real * elapsed[:, None])
+        result += np.einsum("kn,kn->k", np.sin(angle, out=angle), size)
         return result
 
     def at(self, timepts: Array) -> tuple[Array, Array, Array]:
         """Modal coordinates and rates at instants, and of these the part of the free vibrations, k x n each."""
         window, step, elapsed, place = self.placed(timepts)
-        z, rate = (np.einsum("kj,knj->kn", place, terms[window, :, step]) for terms in self._polynomials)
-        moved, turned = coordinates(self.rates[window], self._vibrating(self.waves, window, step, elapsed))
-        return z + moved, rate + turned, turned
+        rates = self.rates[window]
+        vibrating = self.waves[window, :, step] * turning(rates, elapsed[:, None])[..., 0]
+        u = (
+            legendre.legval(place[:, None], self._polynomials[window, :, step].transpose(2, 0, 1), tensor=False)
+            + vibrating
+        )
+        return *coordinates(rates, u), coordinates(rates, vibrating)[1]
 
     def placed(self, timepts: Array) -> tuple[Array, Array, Array, Array]:
-        """Window and step in which each instant lies, the time since its step began, and Legendre's polynomials there."""
+        """Window and step in which each instant lies, the time since its step began, and the place in it, from -1 to 1."""
         window = np.maximum(np.searchsorted(self.begin, timepts, side="right") - 1, 0)
         h, since = self.h[window], timepts - self.begin[window]
         step = np.clip((since / h).astype(int), 0, self.force.shape[2] - 1)
         elapsed = since - step * h
-        return window, step, elapsed, legendre.legvander(2.0 * elapsed / h - 1.0, self.force.shape[3] + 1)
-
-    def _vibrating(self, waves: Array, window: Array, step: Array, elapsed: Array) -> Array:
-        """Free vibrations at instants in their windows and steps, k x n, complex."""
-        return waves[window, :, step] * turning(self.rates[window], elapsed[:, None])[..., 0]
+        return window, step, elapsed, 2.0 * elapsed / h - 1.0
 
     @cached_property
     def _by_force(self) -> Array:
         """Motion by the forces alone, as ``u`` at start, nodes and end of each step, w x n x m x (s + 2)."""
-        return np.tensordot(self.force, to_terms(self.force.shape[3]).T, 1) @ self.answers.swapaxes(2, 3)
+        return self.force @ to_terms(self.force.shape[3]).T @ self.answers.swapaxes(2, 3)
 
     @cached_property
-    def _polynomials(self) -> tuple[Array, Array]:
-        """Legendre coefficients of that, coordinates and rates, w x n x m x (s + 2)."""
-        coefficients = gauss_method(self.force.shape[3]).coefficients.T
-        z, rate = (np.tensordot(item, coefficients, 1) for item in coordinates(self.rates, self._by_force))
-        return z, rate
+    def _polynomials(self) -> Array:
+        """Legendre coefficients of that, w x n x m x (s + 2)."""
+        return self._by_force @ gauss_method(self.force.shape[3]).coefficients.T
 
     @cached_property
     def waves(self) -> Array:
@@ -146,8 +148,8 @@ class FreeTrajectory:
         start = np.stack([piece.states[0, :-1] for piece in self.pieces])[window, step]
         force = np.stack([piece.force[0] for piece in self.pieces])[window, step]
         h, stages = self._vibrations.h[window], force.shape[1]
-        moved = place @ gauss_method(stages).coefficients @ free_mass(1.0, stages)
-        by_force = np.einsum("ks,ks->k", force, moved)
+        terms = force @ (gauss_method(stages).coefficients @ free_mass(1.0, stages)).T
+        by_force = legendre.legval(place, terms.T, tensor=False)
         r = start.imag + elapsed * start.real + h * h * by_force.imag
         z, z_rate = np.column_stack([r, x]), np.column_stack([start.real + h * by_force.real, rate])
         z_rate += self._carried(window, z, turned)
