@@ -16,7 +16,7 @@ from boomctl.lti.rounding import ALIKE, SOLVED, SUMMED
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.contact.friction import CoulombFriction, FrictionStep, Slip, friction_step
 from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
-from boomctl.simulation.stepping import ControlLog, LoopProblem, sampler
+from boomctl.simulation.stepping import ControlLog, LoopProblem, run_steps
 
 _ROUNDS = 80  # bisections at most: 1e-13 takes 43, each may be preceded by a step that gains little
 
@@ -239,26 +239,15 @@ class ContactLog:
 
 def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Array, ContactLog]:
     """Step a loop with contacts; return ``C`` times the modal states at the given times, and what contacts did."""
-    n, nu, per_sample, per_point = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.grid.per_point
+    n, per_point = len(p.plant.A), p.grid.per_point
     rows = contact_rows(contacts, p.W, p.grid.h, per_point, np.asarray(p.controller.driven, dtype=int))
-    stepper, forcing = _row_maps(p, rows)
-    sample, kept = sampler(p, log), ContactLog.of(p.grid.steps)
-    X = np.zeros((len(p.grid.time), n))
-    X[0] = p.start
-    full = np.zeros(n + 2 * nu)
-    states, before, after, heard = full[:n], full[n : n + nu], full[n + nu :], full[: n + nu]
-    states[:] = p.start
-    old = np.concatenate([p.start, rows.reads @ p.start + rows.offsets[0]])
-    slip = _at_start(p, rows)
+    kept = ContactLog.of(p.grid.steps)
+    old, slip = np.concatenate([p.start, rows.reads @ p.start + rows.offsets[0]]), _at_start(p, rows)
     reach = np.zeros(0) if contacts.stop_maps is None else contacts.stop_maps.limits
     strokes = slice(n + 2, n + 2 + rows.stops)
-    for k in range(p.grid.steps):
-        if k % per_sample == 0:
-            sample(k // per_sample, heard)
-        if k >= p.lag:
-            after[:] = log.given[(k - p.lag) // per_sample]
-        row = stepper @ full
-        row += forcing[k]
+
+    def touched(k: int, row: Array) -> Array:
+        nonlocal old, slip
         if rows.law is not None or (np.abs(row[strokes]) > reach).any():
             row, step, stops = contact_step(rows, row, slip)
             if step is not None and rows.law is not None:
@@ -271,13 +260,9 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
                     if side:
                         kept.touched.append((i, int(side), k, impulse, speeds[i]))
         old = row
-        states[:] = row[:n]
-        before[:] = after
-        if (k + 1) % per_point == 0:
-            X[(k + 1) // per_point] = states
-    if p.grid.steps % per_sample == 0:
-        sample(p.grid.steps // per_sample, heard)
-    return p.plant.C @ X.T, kept
+        return row
+
+    return run_steps(p, log, *_row_maps(p, rows), touched)[:, ::per_point], kept
 
 
 def _row_maps(p: LoopProblem, rows: ContactRows) -> tuple[Array, Array]:
