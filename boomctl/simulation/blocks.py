@@ -154,7 +154,6 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
         The same with stops, and whole steps for each of its own.
     """
     assert fine.contacts is not None
-    assert fine.contacts.stop_maps is not None
     stops, per_step, outputs = fine.contacts.stops, fine.grid.steps // p.grid.steps, len(p.plant.C)
     positions = np.vstack([stop.position for stop in stops])
     maps = [p.plant.hold(j * fine.grid.h, [])[0] for j in range(per_step)]
@@ -169,7 +168,7 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
         offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
         strokes += offsets[:, :-1].reshape(len(stops), -1, per_step).transpose(2, 0, 1)
         last = result[outputs : outputs + len(stops), -1] + offsets[:, -1]
-        limits = fine.contacts.stop_maps.limits
+        limits = fine.contacts.limits
         free = (np.abs(strokes) <= limits[:, None]).all() and (np.abs(last) <= limits).all()
     return (result[:outputs], log) if free else None
 

@@ -16,6 +16,7 @@ from boomctl.lti.rounding import ALIKE, SOLVED, SUMMED
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.contact.friction import CoulombFriction, FrictionStep, Slip, friction_step
 from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
+from boomctl.simulation.plant import Step
 from boomctl.simulation.stepping import ControlLog, LoopProblem, run_steps
 
 _ROUNDS = 80  # bisections at most: 1e-13 takes 43, each may be preceded by a step that gains little
@@ -58,9 +59,9 @@ class ContactRows:
         return (len(self.reads) - 2) // 2
 
 
-def contact_rows(contacts: Contacts, W: Array, h: float, per_point: int, driven: Array) -> ContactRows:
+def contact_rows(contacts: Contacts, maps: Step, W: Array, per_point: int, driven: Array) -> ContactRows:
     """Return the rows of some contacts for the disturbances ``W`` (inputs, steps + 1) and the controls driven."""
-    n, none = len((contacts.slip or contacts.stops[0]).position), np.zeros(W.shape[1])
+    n, none, h = len(maps.Phi), np.zeros(W.shape[1]), maps.h
     slip, stops = contacts.slip, contacts.stops
     moved = [stop.offsets(W, h, per_point) for stop in stops]
     slipped = (none, none) if slip is None else slip.offsets(W, h, per_point)
@@ -77,10 +78,12 @@ def contact_rows(contacts: Contacts, W: Array, h: float, per_point: int, driven:
     held, gain = (np.zeros(len(whole)), 1.0) if slip is None else (whole @ slip.held, slip.gain)
     offsets = np.column_stack([slipped[1], slipped[0], *(pair[0] for pair in moved), *(pair[1] for pair in moved)])
     sliding = sticking = None
-    if contacts.stop_maps is not None:
-        pushed = whole @ contacts.stop_maps.states
-        sliding = _maps(pushed, n, contacts.stop_maps.limits)
-        sticking = _maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.stop_maps.limits)
+    if stops:
+        pushed = whole @ np.column_stack(
+            [*(maps.Phi @ stop.column for stop in stops), *(stop.held / h for stop in stops)]
+        )
+        sliding = _maps(pushed, n, contacts.limits)
+        sticking = _maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.limits)
     return ContactRows(
         reads=reads,
         offsets=offsets,
@@ -194,7 +197,7 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
         force = step.force if low + 0.1 * (high - low) < step.force < high - 0.1 * (high - low) else 0.5 * (low + high)
         end, step, stops = _under(rows, row, slip, force)
     speed = float(end[len(row) - len(rows.reads)])
-    return end, FrictionStep(force, speed, False, step.sliding, step.first), stops
+    return end, FrictionStep(force, speed, False, step.sliding), stops
 
 
 @dataclass(frozen=True)
@@ -240,11 +243,10 @@ class ContactLog:
 def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Array, ContactLog]:
     """Step a loop with contacts; return ``C`` times the modal states at the given times, and what contacts did."""
     n, per_point = len(p.plant.A), p.grid.per_point
-    rows = contact_rows(contacts, p.W, p.grid.h, per_point, np.asarray(p.controller.driven, dtype=int))
+    rows = contact_rows(contacts, p.maps, p.W, per_point, np.asarray(p.controller.driven, dtype=int))
     kept = ContactLog.of(p.grid.steps)
     old, slip = np.concatenate([p.start, rows.reads @ p.start + rows.offsets[0]]), _at_start(p, rows)
-    reach = np.zeros(0) if contacts.stop_maps is None else contacts.stop_maps.limits
-    strokes = slice(n + 2, n + 2 + rows.stops)
+    reach, strokes = contacts.limits, slice(n + 2, n + 2 + rows.stops)
 
     def touched(k: int, row: Array) -> Array:
         nonlocal old, slip
