@@ -344,8 +344,7 @@ def _overlooked(weights: _Weights, run: _Run, fine: Swept) -> Array:
 @lru_cache(maxsize=4)
 def _places(stages: int, places: tuple[float, ...]) -> Array:
     """From values at the nodes to those at other places of a step, of the same polynomial."""
-    nodes, at = 2.0 * gauss_method(stages).nodes - 1.0, 2.0 * np.array(places) - 1.0
-    return legendre.legvander(at, stages - 1) @ np.linalg.inv(legendre.legvander(nodes, stages - 1))
+    return legendre.legvander(2.0 * np.array(places) - 1.0, stages - 1) @ gauss_method(stages).terms
 
 
 def _errors(weights: _Weights, coarse: Swept, fine: Swept) -> tuple[Array, Array]:

@@ -17,7 +17,7 @@ from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.maneuvers import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import NormalForm
-from boomctl.rotating_beam.motion.oscillators import responses, to_terms, turning
+from boomctl.rotating_beam.motion.oscillators import responses, turning
 from boomctl.rotating_beam.motion.refinement import Accuracy, halved
 from boomctl.rotating_beam.motion.trajectory import SMOOTH, Vibrations
 
@@ -86,7 +86,7 @@ class ModalTrajectory:
         known = self.vibrations
         omega, h, modes = known.rates.imag[:-1], known.h[:-1, None], known.shapes[:-1]
         weights = np.abs(rows @ modes).max(axis=1)
-        terms = np.abs(known.force[:-1, :, 0] @ to_terms(STAGES)[_KEPT - 2 :].T)
+        terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[_KEPT - 2 :].T)
         before, last = terms[..., 0] + terms[..., 1], terms[..., 2] + terms[..., 3]
         after = last * last / np.maximum(np.maximum(before, last), np.finfo(float).tiny)
         inside = float((weights * after / (omega * omega + _AFTER / (h * h))).sum(axis=1).max())
@@ -259,7 +259,9 @@ def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Arra
     u = turned[..., None] * answers[:, :, :1]
     np.subtract(answers[:, :, 1:], u, out=u)
     z = u.imag / omega[..., None, None]
-    return z[:, :, :-1] @ to_terms(STAGES), np.stack([z[:, :, -1], u.real[:, :, -1]], axis=2) @ to_terms(STAGES)
+    return z[:, :, :-1] @ gauss_method(STAGES).terms, np.stack([z[:, :, -1], u.real[:, :, -1]], axis=2) @ gauss_method(
+        STAGES
+    ).terms
 
 
 def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:
@@ -293,7 +295,7 @@ def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> 
 @lru_cache(maxsize=1)
 def _highest() -> Array:
     """Leaves the two highest Legendre terms of what is given at the nodes, s x s."""
-    terms = to_terms(STAGES)
+    terms = gauss_method(STAGES).terms
     return np.linalg.inv(terms)[:, _KEPT:] @ terms[_KEPT:]
 
 

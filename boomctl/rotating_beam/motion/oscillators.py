@@ -126,7 +126,9 @@ def flow(rates: Array, h: float, steps: int, stages: int) -> Flow:
     """
     s, vibrating, nodes = stages, rates[1:], h * gauss_method(stages).nodes
     fast = vibrating.imag * h > FAST
-    by_force = np.concatenate([free_mass(h, s)[None], responses(vibrating, np.array(h), s, FAST) @ to_terms(s)])
+    by_force = np.concatenate(
+        [free_mass(h, s)[None], responses(vibrating, np.array(h), s, FAST) @ gauss_method(s).terms]
+    )
     z, rate = coordinates(rates, by_force[:, 1:-1])
     turned = turning(vibrating, nodes)
     turned[fast] = 0.0
@@ -152,7 +154,7 @@ def _complex(pairs: Array) -> Array:
 def free_mass(h: float, stages: int) -> Array:
     """What forces at the nodes of a step do to the free mass: ``u`` at its start, nodes and end, (s + 2) x s."""
     table = _table(stages)
-    return (h * table.pushed + 1j * h * h * table.moved) @ to_terms(stages)
+    return (h * table.pushed + 1j * h * h * table.moved) @ gauss_method(stages).terms
 
 
 def responses(rates: Array, h: Array, stages: int, smooth_above: float) -> Array:
@@ -200,12 +202,6 @@ class _Table(NamedTuple):
     derivatives: Array
     pushed: Array
     moved: Array
-
-
-@lru_cache(maxsize=8)
-def to_terms(stages: int) -> Array:
-    """From values at the nodes of a step to Legendre terms, s x s."""
-    return np.linalg.inv(legendre.legvander(2.0 * gauss_method(stages).nodes - 1.0, stages - 1))
 
 
 @lru_cache(maxsize=8)

@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes
-from boomctl.rotating_beam.motion.oscillators import coordinates, free_mass, responses, to_terms, turning
+from boomctl.rotating_beam.motion.oscillators import coordinates, free_mass, responses, turning
 
 SMOOTH = 1.0  # phase in a step up to which a motion from rest is a polynomial: to 5e-13 with 8 nodes
 
@@ -81,7 +81,7 @@ class Vibrations:
     @cached_property
     def _by_force(self) -> Array:
         """Motion by the forces alone, as ``u`` at start, nodes and end of each step, w x n x m x (s + 2)."""
-        return self.force @ to_terms(self.force.shape[3]).T @ self.answers.swapaxes(2, 3)
+        return self.force @ gauss_method(self.force.shape[3]).terms.T @ self.answers.swapaxes(2, 3)
 
     @cached_property
     def _polynomials(self) -> Array:
