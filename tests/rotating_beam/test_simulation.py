@@ -90,26 +90,21 @@ def test_closed_form_continues_the_collocation(model, damping_ratio):
     np.testing.assert_allclose(one.energy, other.energy, rtol=1e-7, atol=1e-9)
 
 
-@pytest.mark.parametrize("modes", [2, 5])
-@pytest.mark.parametrize("rtol", [1e-4, 1e-6, 1e-8])
-def test_error_stays_within_what_was_asked_and_estimated(modes, rtol):
-    beam = hub_beam(BAI, "sfoam", modes)
-    t = np.linspace(0.0, 40.0, 401)
-    exact = beam.simulate(spin_up(2.8, 30.0), t, rtol=1e-11, atol=1e-14)
-    result = beam.simulate(spin_up(2.8, 30.0), t, rtol=rtol, atol=1e-14)
+# in the second, a fast mode moves the tip against a slow one in some steps, which does not make them exact
+OPPOSED = HubBeamParameters(tip_mass=0.1, damping_ratio=0.1, hub_inertia=1000.0)
+SPUN = [
+    *((BAI, spin_up(2.8, 30.0), 40.0, modes, rtol) for modes in (2, 5) for rtol in (1e-4, 1e-6, 1e-8)),
+    (OPPOSED, spin_up(2.13875675, 3.186523285), 3.585071454, 3, 1e-8),
+]
+
+
+@pytest.mark.parametrize(("p", "maneuver", "end", "modes", "rtol"), SPUN)
+def test_error_stays_within_what_was_asked_and_estimated(p, maneuver, end, modes, rtol):
+    beam, t = hub_beam(p, "sfoam", modes), np.linspace(0.0, end, 401)
+    exact, result = (beam.simulate(maneuver, t, rtol=each, atol=1e-14) for each in (1e-11, rtol))
     error = np.abs(result.tip_displacement - exact.tip_displacement).max()
     assert error <= 1.5 * result.error_estimate + 1e-14
     assert error <= rtol * np.abs(exact.tip_displacement).max()
-
-
-def test_steps_in_which_modes_move_the_tip_apart_are_halved():
-    """What a fast mode does is not made up for by a slow one that moves the tip the other way."""
-    p = HubBeamParameters(tip_mass=0.1, damping_ratio=0.1, hub_inertia=1000.0)
-    beam, maneuver = hub_beam(p, "sfoam", 3), spin_up(2.13875675, 3.186523285)
-    t = np.linspace(0.0, 3.585071454, 301)
-    found, exact = (beam.simulate(maneuver, t, rtol=rtol, atol=1e-13) for rtol in (1e-8, 1e-10))
-    error = np.abs(found.tip_displacement - exact.tip_displacement).max()
-    assert error <= found.error_estimate + exact.error_estimate
 
 
 def test_held_hub_vibrates_at_the_clamped_frequency():

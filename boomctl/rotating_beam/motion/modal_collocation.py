@@ -256,7 +256,7 @@ def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder:
 
 def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Array]:
     """What forces at the nodes do from rest: coordinates there, m x n x s x s, and `_Steps.end_by_force`."""
-    u = turned[..., None] * answers[:, :, :1]
+    u: Array = turned[..., None] * answers[:, :, :1]
     np.subtract(answers[:, :, 1:], u, out=u)
     z = u.imag / omega[..., None, None]
     return z[:, :, :-1] @ gauss_method(STAGES).terms, np.stack([z[:, :, -1], u.real[:, :, -1]], axis=2) @ gauss_method(

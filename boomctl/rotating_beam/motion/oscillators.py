@@ -170,7 +170,8 @@ def responses(rates: Array, h: Array, stages: int, smooth_above: float) -> Array
     smooth_above : float
         Oscillators of a larger phase in a step are given the motion that has no vibration; all others start from rest.
     """
-    table, turned = _table(stages), rates * h[..., None]
+    table = _table(stages)
+    turned: Array = rates * h[..., None]
     powers = np.vander(1.0 / turned.ravel(), stages + 1, increasing=True)[:, 1:] * (-turned / rates).reshape(-1, 1)
     result = (powers @ table.derivatives.reshape(stages, -1)).reshape(*rates.shape, stages + 2, stages)
     slow = turned.imag <= smooth_above

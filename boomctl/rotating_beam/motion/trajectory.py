@@ -145,7 +145,7 @@ class FreeTrajectory:
         """Coordinates and rates of hub and beam at instants, k x N each."""
         window, step, elapsed, place = self._vibrations.placed(timepts)
         x, rate, turned = self._vibrations.at(timepts)
-        start = np.stack([piece.states[0, :-1] for piece in self.pieces])[window, step]
+        start: Array = np.stack([piece.states[0, :-1] for piece in self.pieces])[window, step]
         force = np.stack([piece.force[0] for piece in self.pieces])[window, step]
         h, stages = self._vibrations.h[window], force.shape[1]
         terms = force @ (gauss_method(stages).coefficients @ free_mass(1.0, stages)).T
