@@ -369,11 +369,11 @@ def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     """Run a loop around a hub-beam and return its signals by name."""
     from boomctl.simulation.machine.run import PATH, measured, run_to_tolerance
 
-    result = run_to_tolerance(p, rtol, atol)
-    states, controls = result.states[:, :: p.grid.per_point], p.at_points(result.log)
+    moving, log, error = run_to_tolerance(p, rtol, atol)
+    states, controls = moving[:, :: p.grid.per_point], p.at_points(log)
     return replace(
-        _told(p, p.machine, result.log, measured(p, states, controls[0]), controls),
+        _told(p, p.machine, log, measured(p, states, controls[0]), controls),
         method=PATH,
-        error_estimate=result.error,
+        error_estimate=error,
         states=(p.machine.to_state @ states).T,
     )

@@ -79,15 +79,6 @@ class MachineLoop(SampledRun):
         return (self.switch, self.grid.h - self.switch) if self.switch else (self.grid.h,)
 
 
-@dataclass(frozen=True, eq=False)
-class MachineRun:
-    """A motion at all steps of the grid, (2 m, steps + 1), its log, and the error [m] of what is judged."""
-
-    states: Array
-    log: ControlLog
-    error: float
-
-
 def moved_by(push: Array) -> Array:
     """Return which modes inputs move, by what they do to each."""
     # share of the largest push below which an input does not move a mode
@@ -101,8 +92,10 @@ def steps_for(machine: MachineModes, length: float) -> int:
     return max(1, int(np.ceil(length * pace)))
 
 
-def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
+def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, ControlLog, float]:
     """Return the motion whose judged displacements are exact to ``atol + rtol max |displacement|`` [m].
+
+    It is that at all steps of the grid, (2 m, steps + 1), with its log, and the error of what is judged [m].
 
     Raises
     ------
@@ -128,7 +121,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
         apart = np.abs(here - there).max(axis=1)
         wanted = atol + rtol * np.abs(here).max(axis=1)
         if (apart <= wanted).all():
-            return MachineRun(second[0], second[1], float(apart.max()))
+            return *second, float(apart.max())
         nearer = apart.max() < best
         failures += 0 if nearer else 1
         rounding = bool((apart <= _ROUNDING * np.abs(here).max(axis=1)).all())
