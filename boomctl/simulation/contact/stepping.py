@@ -40,7 +40,7 @@ class ContactRows:
     held : (n + 2 + 2 stops,) ndarray
         What a unit friction force over a whole step adds to a row; ``gain`` is its slip velocity.
     gain : float
-    sliding, sticking : StopMaps or None
+    sliding, sticking : StopMaps
         What stops do to a row, the friction force given or the slip held.
     """
 
@@ -50,8 +50,8 @@ class ContactRows:
     law: CoulombFriction | None
     held: Array
     gain: float
-    sliding: StopMaps | None
-    sticking: StopMaps | None
+    sliding: StopMaps
+    sticking: StopMaps
 
     @property
     def stops(self) -> int:
@@ -77,13 +77,8 @@ def contact_rows(contacts: Contacts, maps: Step, W: Array, per_point: int, drive
     whole = np.vstack([np.eye(n), reads])
     held, gain = (np.zeros(len(whole)), 1.0) if slip is None else (whole @ slip.held, slip.gain)
     offsets = np.column_stack([slipped[1], slipped[0], *(pair[0] for pair in moved), *(pair[1] for pair in moved)])
-    sliding = sticking = None
-    if stops:
-        pushed = whole @ np.column_stack(
-            [*(maps.Phi @ stop.column for stop in stops), *(stop.held / h for stop in stops)]
-        )
-        sliding = _maps(pushed, n, contacts.limits)
-        sticking = _maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.limits)
+    moved_by = [*(maps.Phi @ stop.column for stop in stops), *(stop.held / h for stop in stops)]
+    pushed = whole @ np.array(moved_by).reshape(-1, n).T
     return ContactRows(
         reads=reads,
         offsets=offsets,
@@ -91,8 +86,8 @@ def contact_rows(contacts: Contacts, maps: Step, W: Array, per_point: int, drive
         law=contacts.law,
         held=held,
         gain=gain,
-        sliding=sliding,
-        sticking=sticking,
+        sliding=_maps(pushed, n, contacts.limits),
+        sticking=_maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.limits),
     )
 
 
@@ -113,7 +108,7 @@ def contact_step(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
     if rows.law is not None:
         step = _friction(rows, float(row[-len(rows.reads)]), slip)
         end = row + step.force * rows.held
-    if rows.sliding is None or not (np.abs(_strokes(rows, end)) > rows.sliding.limits).any():
+    if not rows.stops or not (np.abs(_strokes(rows, end)) > rows.sliding.limits).any():
         return end, step, None
     if step is None:
         end, stops = _stopped(rows, rows.sliding, row)
@@ -126,9 +121,8 @@ def _strokes(rows: ContactRows, row: Array) -> Array:
     return row[first : first + rows.stops]
 
 
-def _stopped(rows: ContactRows, maps: StopMaps | None, row: Array) -> tuple[Array, StopStep | None]:
+def _stopped(rows: ContactRows, maps: StopMaps, row: Array) -> tuple[Array, StopStep | None]:
     """Return a row with what the stops do, and that."""
-    assert maps is not None
     stops = stop_step(maps, _strokes(rows, row), row[len(row) - rows.stops :])
     return (row, None) if stops is None else (row + maps.states @ stops.amounts, stops)
 
@@ -164,7 +158,7 @@ def _holding(rows: ContactRows, row: Array, slip: Slip) -> Outcome | None:
     except ArithmeticError:
         return None
     free = float(row[at])
-    if stops is not None and rows.sliding is not None:
+    if stops is not None:
         free += float(rows.sliding.states[at] @ stops.amounts)
     step = _friction(rows, free, slip)
     return (end, step, stops) if step.stuck else None
