@@ -49,10 +49,14 @@ class CollocationMethod:
         return np.linalg.inv(legendre.legvander(points, self.stages + 1))
 
     @cached_property
+    def terms(self) -> Array:
+        """From the values at the nodes to Legendre coefficients on [-1, 1] of the polynomial through them, s x s."""
+        return np.linalg.inv(legendre.legvander(2.0 * self.nodes - 1.0, self.stages - 1))
+
+    @cached_property
     def onward(self) -> Array:
         """From the values at the nodes to those of the same polynomial at the nodes of the next step, s x s."""
-        points, degree = 2.0 * self.nodes - 1.0, self.stages - 1
-        return legendre.legvander(points + 2.0, degree) @ np.linalg.inv(legendre.legvander(points, degree))
+        return legendre.legvander(2.0 * self.nodes + 1.0, self.stages - 1) @ self.terms
 
 
 @lru_cache(maxsize=64)

@@ -36,8 +36,7 @@ _SHARE = 0.96  # of an assumed-modes model: the rest is its solver's, and what l
 _SOLVED = 0.02  # tolerance of its solver: its cost hardly depends on that in most motions (measured)
 _SHARE_EXACT = 0.7  # of a geometrically exact beam: one more polynomial lowers its error tenfold
 _SOLVED_EXACT = 0.28  # tolerance of its solver: a halved step, which it may save, halves the cost
-# by which references may differ: at first, and where a model's error lies so near to the limit (choices)
-_CONVERGED = (0.25, 0.03)
+_CONVERGED = 0.1  # by which references may differ (a choice)
 _FIRST, _ONWARD = 1e-3, 0.03  # tolerance of the first reference; of others over what the last two differed by (choices)
 _NEGLIGIBLE = 0.1  # of what references may differ by: no tolerance is tighter (a choice)
 
@@ -103,22 +102,14 @@ def _known(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: floa
     return _choose(p, accuracy, maneuver, time)
 
 
-class _Run(NamedTuple):
-    """A simulation: displacements at the instants compared, none if it cannot be followed; its tolerance."""
-
-    tip: Array | None
-    tolerance: tuple[float, float]
-
-
 class _Trial(NamedTuple):
-    """A model that was tried: its error, whether it is exact enough, or would be if the reference were exact, and its run."""
+    """A model that was tried: its error, whether it is exact enough, and the tolerance of its simulation."""
 
     model: str
     modes: int
     error: float
     enough: bool
-    perhaps: bool
-    run: _Run
+    tolerance: tuple[float, float]
 
 
 class _Reference(NamedTuple):
@@ -130,14 +121,10 @@ class _Reference(NamedTuple):
 
 
 def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: float) -> ModelChoice:
-    instants, runs = _instants(p, maneuver, time), dict[tuple[str, int], _Run]()
-    true, tried = None, list[_Trial]()
+    instants = _instants(p, maneuver, time)
     with computing("choice of a model"):
-        for true in _references(p, accuracy, maneuver, instants):
-            tried = list(_trials(p, accuracy, maneuver, instants, true, runs))
-            if not any(item.perhaps for item in tried):
-                break
-    assert true is not None  # or there was no reference, which is an error
+        true = _reference(p, accuracy, maneuver, instants)
+        tried = list(_trials(p, accuracy, maneuver, instants, true))
     result = tried[-1]
     if not result.enough:
         best = min(tried, key=lambda each: each.error)
@@ -152,8 +139,8 @@ def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: flo
         model=result.model,
         modes=result.modes,
         error=result.error,
-        rtol=result.run.tolerance[0],
-        atol=result.run.tolerance[1],
+        rtol=result.tolerance[0],
+        atol=result.tolerance[1],
         largest=true.largest,
         reference=true.agreement,
         tried=tuple(item[:3] for item in tried),
@@ -168,87 +155,64 @@ def _instants(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
     return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))
 
 
-def _references(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instants: Array) -> Iterator[_Reference]:
-    """Refine the geometrically exact beam: each time that the motions of two of them agree so well as to be a reference.
+def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instants: Array) -> _Reference:
+    """Refine the geometrically exact beam until the motions of two of them agree so well as to be a reference.
 
     Raises
     ------
     ValueError
-        There is not even a first one: they do not agree, cannot be followed so exactly, or do not move.
+        There is none: they do not agree, cannot be followed so exactly, or do not move.
     """
     rounding = _ROUNDING * (p.hub_radius + p.length)
-    fewer, before, unsolved, apart, level, rtol = 0, np.zeros_like(instants), 0.0, math.inf, 0, _FIRST
+    fewer, before, unsolved, apart, rtol = 0, np.zeros_like(instants), 0.0, math.inf, _FIRST
     for modes in _REFERENCES:
         tell(f"geometrically exact beam with {modes} polynomials")
-        rtol = max(rtol, _NEGLIGIBLE * _CONVERGED[level] * accuracy)
+        rtol = max(rtol, _NEGLIGIBLE * _CONVERGED * accuracy)
         try:
             run = in_model(p, EXACT, modes)._solved(maneuver, instants, (rtol, rounding))
         except SimulationError as failure:
-            if level:
-                return
             raise ValueError(
                 f"accuracy = {exactly(accuracy)}: expected a larger one, or a shorter time; the geometrically exact beam "
                 f"cannot be followed so exactly: {failure}"
             ) from None
-        tip = run.tip
-        largest = float(np.abs(tip).max())
+        largest = float(np.abs(run.tip).max())
         if largest <= rounding:
             raise ValueError(f"maneuver = {shown(maneuver)}: expected one that moves the beam from rest")
         if fewer:
-            difference = float(np.abs(tip - before).max())
-            apart, rtol = (
-                (difference + unsolved + run.error + rounding) / largest,
-                _ONWARD * difference / largest,
-            )
-            if apart <= _CONVERGED[level] * accuracy:
-                yield _Reference(tip, largest, (fewer, modes, apart))
-                level += 1
-                if level == len(_CONVERGED):
-                    return
-        fewer, before, unsolved = modes, tip, run.error
-    if not level:
-        raise ValueError(
-            f"accuracy = {exactly(accuracy)}: expected at least {apart / _CONVERGED[0]:.2g}; geometrically exact beams of "
-            f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {apart:.1e} in this maneuver"
-        )
+            difference = float(np.abs(run.tip - before).max())
+            apart, rtol = (difference + unsolved + run.error + rounding) / largest, _ONWARD * difference / largest
+            if apart <= _CONVERGED * accuracy:
+                return _Reference(run.tip, largest, (fewer, modes, apart))
+        fewer, before, unsolved = modes, run.tip, run.error
+    raise ValueError(
+        f"accuracy = {exactly(accuracy)}: expected at least {apart / _CONVERGED:.2g}; geometrically exact beams of "
+        f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {apart:.1e} in this maneuver"
+    )
 
 
 def _trials(
-    p: HubBeamParameters,
-    accuracy: float,
-    maneuver: Maneuver,
-    instants: Array,
-    true: _Reference,
-    runs: dict[tuple[str, int], _Run],
+    p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instants: Array, true: _Reference
 ) -> Iterator[_Trial]:
-    """Yield models that are tried in turn, to the first that is exact enough; simulations of before are not repeated."""
+    """Yield models that are tried in turn, to the first that is exact enough."""
     for model, modes in _TRIED:
-        if (model, modes) not in runs:
-            tell(f"{model} with {count(modes, 'mode')}")
-            rtol = 0.5 * (_SOLVED_EXACT if model == EXACT else _SOLVED) * accuracy
-            runs[model, modes] = _run(in_model(p, model, modes), maneuver, instants, (rtol, rtol * true.largest))
-        run = runs[model, modes]
-        error, unsure = _apart(run.tip, true.tip, true.largest), true.agreement[2]
-        allowed = accuracy * (_SHARE_EXACT if model == EXACT else _SHARE)
-        enough = error + unsure <= allowed
-        yield _Trial(model, modes, error, enough, not enough and error - unsure <= allowed, run)
+        tell(f"{model} with {count(modes, 'mode')}")
+        rtol = 0.5 * (_SOLVED_EXACT if model == EXACT else _SOLVED) * accuracy
+        tolerance = rtol, rtol * true.largest
+        error = _error(in_model(p, model, modes), maneuver, instants, tolerance, true)
+        enough = error + true.agreement[2] <= accuracy * (_SHARE_EXACT if model == EXACT else _SHARE)
+        yield _Trial(model, modes, error, enough, tolerance)
         if enough:
             return
 
 
-def _run(beam: HubBeam, maneuver: Maneuver, instants: Array, tolerance: tuple[float, float]) -> _Run:
+def _error(
+    beam: HubBeam, maneuver: Maneuver, instants: Array, tolerance: tuple[float, float], true: _Reference
+) -> float:
+    """Return a model's error relative to the largest displacement; inf for what is beyond all numbers."""
     try:
         with np.errstate(all="ignore"):  # a model without stiffness may leave all numbers
-            run = beam.simulate(maneuver, instants, rtol=tolerance[0], atol=tolerance[1])
+            tip = beam.simulate(maneuver, instants, rtol=tolerance[0], atol=tolerance[1]).tip_displacement
+            error = float(np.abs(tip - true.tip).max()) / true.largest
     except SimulationError:
-        return _Run(None, tolerance)
-    return _Run(run.tip_displacement, tolerance)
-
-
-def _apart(tip: Array | None, other: Array | None, largest: float) -> float:
-    """Return by how much two motions differ, relative to the largest displacement; inf for what is beyond all numbers."""
-    if tip is None or other is None:
         return math.inf
-    with np.errstate(all="ignore"):
-        result = float(np.abs(tip - other).max()) / largest
-    return result if math.isfinite(result) else math.inf
+    return error if math.isfinite(error) else math.inf

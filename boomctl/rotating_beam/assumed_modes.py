@@ -23,7 +23,8 @@ from boomctl.rotating_beam.modal.equations import Equations, block_diagonal
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, sfoam, tlam, without_axial_modes
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
-from boomctl.rotating_beam.motion.run import Scene, motion_of
+from boomctl.rotating_beam.motion.run import motion_of
+from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import Details, Dynamics, Motion
 from boomctl.rotating_beam.selection import ModelChoice
@@ -319,32 +320,11 @@ class AssumedModesBeam(HubBeam):
         softening = m.M2 if self.model == "tlam" else m.M2 - m.D
         return natural_hz(m.M2, m.K2 - speed**2 * softening)
 
-    @cached_property
-    def _at_rest(self) -> tuple[Array, tuple[Array, Array, Array]]:
-        """`_steady` without a speed, which is asked for again and again."""
-        return self._turning(0.0)
-
-    def _steady(self, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
-        return self._turning(speed) if speed else self._at_rest
-
-    def _turning(self, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
-        """Beam coordinates at which the beam is at rest in the hub's frame, and the equations' derivatives there.
-
-        The beam is straight then, so that its equations are linear in its coordinates; the derivatives are those with
-        respect to accelerations, rates and coordinates, 1 x N x N each.
-        """
-        equations = self.equations
-        y, rate, none = (np.zeros((1, equations.size)) for _ in range(3))
-        rate[0, 0] = speed
-        stiffness = equations.tangents(y, rate, none).stiffness[0, 1:, 1:]
-        y[0, 1:] = -np.linalg.solve(stiffness, equations.residual(y, rate, none)[0, 1:])
-        return y[0, 1:], equations.tangents(y, rate, none)
-
     def _steady_coordinates(self, speed: float) -> Array:
-        return self._steady(speed)[0]
+        return _steady(self, speed)[0]
 
     def _small_motion(self, speed: float) -> SmallMotion:
-        mass, damping, stiffness = (item[0] for item in self._steady(speed)[1])
+        mass, damping, stiffness = (item[0] for item in _steady(self, speed)[1])
         return SmallMotion(mass, damping, stiffness, np.append(0.0, self.equations.tip.transverse))
 
     def _state_derivative(self, x: Array, torque: float) -> Array:
@@ -384,6 +364,21 @@ class AssumedModesBeam(HubBeam):
             states=np.hstack([y, rate]),
             dynamics=partial(_dynamics, self.equations, maneuver, timepts, y, rate),
         )
+
+
+@lru_cache(maxsize=16)  # beams and speeds that are asked for again and again (a choice)
+def _steady(beam: AssumedModesBeam, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
+    """Beam coordinates at which the beam is at rest in the hub's frame, and the equations' derivatives there.
+
+    The beam is straight then, so that its equations are linear in its coordinates; the derivatives are those with
+    respect to accelerations, rates and coordinates, 1 x N x N each.
+    """
+    equations = beam.equations
+    y, rate, none = (np.zeros((1, equations.size)) for _ in range(3))
+    rate[0, 0] = speed
+    stiffness = equations.tangents(y, rate, none).stiffness[0, 1:, 1:]
+    y[0, 1:] = -np.linalg.solve(stiffness, equations.residual(y, rate, none)[0, 1:])
+    return y[0, 1:], equations.tangents(y, rate, none)
 
 
 MODELS.update({name: partial(AssumedModesBeam, model=name) for name in ASSUMED_MODES})

@@ -712,12 +712,13 @@ def _instants(value: ArrayLike) -> Array:
         raise ValueError("timepts: expected at least one instant [s], got none")
     if timepts[0] < 0.0:
         raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a maneuver starts at 0")
-    if (timepts[1:] <= timepts[:-1]).any():
+    gap = float((timepts[1:] - timepts[:-1]).min(initial=np.inf))
+    if gap <= 0.0:
         raise ValueError("timepts: expected strictly ascending instants")
     if timepts[-1] > _LATEST:
         raise ValueError(f"timepts[-1] = {exactly(timepts[-1])}: expected at most {_LATEST:g} s")
-    if timepts.size > 1 and np.diff(timepts).min() < _SHORTEST:
-        raise ValueError(f"timepts: expected instants at least {_SHORTEST:g} s apart, got {np.diff(timepts).min():g} s")
+    if gap < _SHORTEST:
+        raise ValueError(f"timepts: expected instants at least {_SHORTEST:g} s apart, got {gap:g} s")
     return timepts
 
 

@@ -45,11 +45,11 @@ def off_polynomials(values: Array, begin: Array, length: Array, instants: Array,
         Zero at instants that lie at an end of a step.
     step : ndarray of int, k
     """
-    nodes = 2.0 * gauss_method(values.shape[1]).nodes - 1.0
+    degree = values.shape[1] - 1
     step = np.clip(np.searchsorted(begin, instants, side="right") - 1, 0, len(begin) - 1)
     place = (instants - begin[step]) / length[step]
-    terms = values @ np.linalg.inv(legendre.legvander(nodes, nodes.size - 1)).T
-    apart = np.abs(found - np.einsum("ki,ki->k", legendre.legvander(2.0 * place - 1.0, nodes.size - 1), terms[step]))
+    terms = values @ gauss_method(degree + 1).terms.T
+    apart = np.abs(found - np.einsum("ki,ki->k", legendre.legvander(2.0 * place - 1.0, degree), terms[step]))
     return np.where((place > _EDGE) & (place < 1.0 - _EDGE), apart, 0.0), step
 
 
@@ -63,8 +63,7 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
     function : callable
         Torque or hub acceleration of an array of instants.
     """
-    nodes = gauss_method(_POINTS).nodes
-    terms = np.linalg.inv(legendre.legvander(2.0 * nodes - 1.0, _POINTS - 1))
+    nodes, terms = gauss_method(_POINTS).nodes, gauss_method(_POINTS).terms
     ends = np.array([_NEAR_END, 1.0 - _NEAR_END])
     at_ends = legendre.legvander(2.0 * ends - 1.0, _POINTS - 1) @ terms
     instants = even_instants(float(edges[-1]))

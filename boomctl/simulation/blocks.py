@@ -6,7 +6,8 @@ all of them together.  A loop whose end stops may never be reached is run withou
 finely as with them.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -72,13 +73,13 @@ def _blocks(
     starts, clean = np.zeros((count, len(loop.Phi))), np.ones(count, dtype=bool)
     state = -lead[0]
     state[:n] += p.start
-    walk, stepped = _Walk.of(p, loop), []
+    walk, stepped = _walk(p, loop, log), []
     for b in range(count):
         starts[b] = state
         k = b * lifted.size
         if len(watched) and k < samples and (np.abs(seen @ state + alone[b]) > limit).any():
             clean[b], end = False, min(k + lifted.size, samples)
-            rows = walk.through(log, (k, end), state + lead[b])
+            rows = walk(k, end, state + lead[b])
             stepped.append((k, rows[: end - k, :n]))
             if b + 1 < count:
                 state = rows[-1] - lead[b + 1]
@@ -87,60 +88,37 @@ def _blocks(
     return starts, clean, stepped
 
 
-@dataclass(frozen=True)
-class _Walk:
-    """The loop sample by sample: one product a step, mended where a limit is met.
+def _walk(p: LoopProblem, loop: LinearLoop, log: ControlLog) -> Callable[[int, int, Array], Array]:
+    """Return what steps the loop sample by sample: one product a step, mended where a limit is met.
 
-    ``first`` and ``last`` are what the signals ``W`` add to ``[asked, z+]`` at the beginning and end of a step.
+    From step ``begin`` to ``end`` and state ``z`` at its beginning it returns the states at each step, (steps + 1, states).
     """
+    outputs, nu, used = len(p.plant.C), len(p.controller.driven), p.disturbed
+    asks = slice(outputs, outputs + nu)
+    # what signals at the beginning and the end of a step add to what is asked and to the state at its end
+    first = np.vstack([loop.D[asks], loop.first])[:, used]
+    last = np.vstack([np.zeros_like(loop.D[asks]), loop.last])[:, used]
+    both, W = np.ascontiguousarray(np.vstack([loop.C[asks], loop.Phi])), _one_more(p.W[used])
+    force, rate = p.limits.force.tolist(), p.limits.rate.tolist()
 
-    both: Array
-    first: Array
-    last: Array
-    mend: Array
-    W: Array
-    given: Array
-    force: list[float]
-    rate: list[float]
-
-    @classmethod
-    def of(cls, p: LoopProblem, loop: LinearLoop) -> "_Walk":
-        """Return the loop of a problem."""
-        outputs, nu = len(p.plant.C), len(p.controller.driven)
-        used = p.disturbed
-        asked = slice(outputs, outputs + nu)
-        first = np.vstack([loop.D[asked], loop.first])[:, used]
-        last = np.vstack([np.zeros_like(loop.D[asked]), loop.last])[:, used]
-        both = np.ascontiguousarray(np.vstack([loop.C[asked], loop.Phi]))
-        return cls(
-            both=both,
-            first=first,
-            last=last,
-            mend=loop.mend,
-            W=_one_more(p.W[used]),
-            given=loop.given,
-            force=p.limits.force.tolist(),
-            rate=p.limits.rate.tolist(),
-        )
-
-    def through(self, log: ControlLog, span: tuple[int, int], z: Array) -> Array:
-        """Step from state ``z`` and return the loop's state at each step of the span, (steps + 1, states)."""
-        nu, n = self.mend.shape[1], len(z)
-        here = self.W[:, span[0] : span[1] + 1].T
-        forcing = here[:-1] @ self.first.T + here[1:] @ self.last.T
-        rows = np.empty((len(here), nu + n))
+    def through(begin: int, end: int, z: Array) -> Array:
+        here = W[:, begin : end + 1].T
+        forcing = here[:-1] @ first.T + here[1:] @ last.T
+        rows = np.empty((len(here), nu + len(z)))
         rows[0, nu:] = z
-        last = z[self.given].tolist()
+        allowed = z[loop.given].tolist()
         for k, forced in enumerate(forcing):
             row = rows[k + 1]
-            np.dot(self.both, rows[k, nu:], out=row)
+            np.dot(both, rows[k, nu:], out=row)
             row += forced
             asked = row[:nu].tolist()
-            log.asked[span[0] + k] = asked
-            if limited(asked, span[0] + k, self.force, self.rate, last, log):
-                row[nu:] += self.mend @ np.subtract(last, asked)
-            log.given[span[0] + k] = last
+            log.asked[begin + k] = asked
+            if limited(asked, begin + k, force, rate, allowed, log):
+                row[nu:] += loop.mend @ np.subtract(allowed, asked)
+            log.given[begin + k] = allowed
         return rows[:, nu:]
+
+    return through
 
 
 def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, ControlLog] | None:
@@ -154,7 +132,6 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
         The same with stops, and whole steps for each of its own.
     """
     assert fine.contacts is not None
-    assert fine.contacts.stop_maps is not None
     stops, per_step, outputs = fine.contacts.stops, fine.grid.steps // p.grid.steps, len(p.plant.C)
     positions = np.vstack([stop.position for stop in stops])
     maps = [p.plant.hold(j * fine.grid.h, [])[0] for j in range(per_step)]
@@ -169,7 +146,7 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
         offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
         strokes += offsets[:, :-1].reshape(len(stops), -1, per_step).transpose(2, 0, 1)
         last = result[outputs : outputs + len(stops), -1] + offsets[:, -1]
-        limits = fine.contacts.stop_maps.limits
+        limits = fine.contacts.limits
         free = (np.abs(strokes) <= limits[:, None]).all() and (np.abs(last) <= limits).all()
     return (result[:outputs], log) if free else None
 

@@ -206,8 +206,6 @@ def simulate_loop(
     if not isinstance(modal, ModalPlant):
         from boomctl.simulation.machine.run import MachineLoop  # brings casadi
 
-        size = 2 * len(modal.omega)
-        begin = modal.from_state @ (np.zeros(size) if initial_state is None else _initial(initial_state, size))
         loop = MachineLoop(
             machine=modal,
             controller=K,
@@ -215,12 +213,12 @@ def simulate_loop(
             W=grid.refined(rows),
             delay=late,
             limits=limits,
-            start=begin,
+            start=_start(initial_state, modal.from_state),
             added=added,
         )
         with computing("closed loop"):
             return _machine_result(loop, *tolerance)
-    start = _start(initial_state, modal)
+    start = _start(initial_state, modal.from_state)
     _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.output_labels)
 
     def problem(finer: int, touching: bool = True) -> LoopProblem:
@@ -284,18 +282,13 @@ def _friction_error(problem: Callable[[int], LoopProblem], substeps: int, slip: 
     return error
 
 
-def _start(initial: ArrayLike | None, plant: ModalPlant) -> Array:
-    n = len(plant.A)
+def _start(initial: ArrayLike | None, from_state: Array) -> Array:
     if initial is None:
-        return np.zeros(n)
-    return plant.from_state @ _initial(initial, n)
-
-
-def _initial(initial: ArrayLike, n: int) -> Array:
-    given = finite_array("initial_state", initial, ndim=1)
+        return np.zeros(len(from_state))
+    given, n = finite_array("initial_state", initial, ndim=1), from_state.shape[1]
     if given.shape != (n,):
         raise ValueError(f"initial_state has shape {given.shape}; expected {(n,)}, one a state")
-    return given
+    return from_state @ given
 
 
 def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, method: str) -> LoopResult:
@@ -376,11 +369,11 @@ def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     """Run a loop around a hub-beam and return its signals by name."""
     from boomctl.simulation.machine.run import PATH, measured, run_to_tolerance
 
-    result = run_to_tolerance(p, rtol, atol)
-    states, controls = result.states[:, :: p.grid.per_point], p.at_points(result.log)
+    moving, log, error = run_to_tolerance(p, rtol, atol)
+    states, controls = moving[:, :: p.grid.per_point], p.at_points(log)
     return replace(
-        _told(p, p.machine, result.log, measured(p, states, controls[0]), controls),
+        _told(p, p.machine, log, measured(p, states, controls[0]), controls),
         method=PATH,
-        error_estimate=result.error,
+        error_estimate=error,
         states=(p.machine.to_state @ states).T,
     )

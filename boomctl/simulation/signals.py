@@ -125,24 +125,18 @@ def disturbance_rows(
     TypeError, ValueError
         Unknown inputs, wrong shapes, numbers that are not finite (a gap); the message names the input.
     """
-    rows = np.zeros((len(inputs), points))
     if disturbance is None:
-        return rows
-    if isinstance(disturbance, Mapping):
-        for name, values in disturbance.items():
-            known("disturbance input", name, inputs)
-            rows[inputs.index(name)] = _row("disturbance", name, values, points)
-        return rows
-    free = [name for name in inputs if name not in driven]
-    given = np.atleast_2d(plain_array("disturbance", disturbance))
-    if given.shape != (len(free), points):
-        raise ValueError(
-            f"disturbances has shape {given.shape}; expected {(len(free), points)}, a row for each of "
-            f"{', '.join(free) or 'no inputs'} and a column for each time"
-        )
-    for name, values in zip(free, given, strict=True):
-        rows[inputs.index(name)] = _row("disturbance", name, values, points)
-    return rows
+        return np.zeros((len(inputs), points))
+    if not isinstance(disturbance, Mapping):
+        free = [name for name in inputs if name not in driven]
+        given = np.atleast_2d(plain_array("disturbance", disturbance))
+        if given.shape != (len(free), points):
+            raise ValueError(
+                f"disturbances has shape {given.shape}; expected {(len(free), points)}, a row for each of "
+                f"{', '.join(free) or 'no inputs'} and a column for each time"
+            )
+        disturbance = dict(zip(free, given, strict=True))
+    return _rows("disturbance", disturbance, "disturbance input", inputs, points)
 
 
 def sampled_signals(
@@ -157,12 +151,8 @@ def sampled_signals(
     """
     if given is None:
         return None
-    rows = np.zeros((len(signals), len(grid.time)))
-    for name, values in mapping(
-        what, given, f"signals to arrays, those of the controller: {', '.join(signals)}"
-    ).items():
-        known(f"signal of {what}", name, signals)
-        rows[list(signals).index(name)] = _row(what, name, values, len(grid.time))
+    mapping(what, given, f"signals to arrays, those of the controller: {', '.join(signals)}")
+    rows = _rows(what, given, f"signal of {what}", signals, len(grid.time))
     return np.ascontiguousarray(grid.refined(rows)[:, :: grid.per_sample].T)
 
 
@@ -172,6 +162,14 @@ def sampled_noise(noise: Levels, seed: int, signals: Sequence[str], samples: int
     level[np.isinf(level)] = 0.0
     start = whole("seed", seed, least=0)
     return level * np.random.default_rng(start).standard_normal((samples, len(signals))) if level.any() else None
+
+
+def _rows(what: str, given: Mapping[str, ArrayLike], kind: str, signals: Sequence[str], points: int) -> Array:
+    rows = np.zeros((len(signals), points))
+    for name, values in given.items():
+        known(kind, name, signals)
+        rows[list(signals).index(name)] = _row(what, name, values, points)
+    return rows
 
 
 def _row(what: str, name: str, values: ArrayLike, points: int) -> Array:

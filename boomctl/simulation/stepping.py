@@ -265,8 +265,30 @@ def limited(u: list[float], k: int, force: list[float], rate: list[float], last:
 
 def run_smooth(p: LoopProblem, log: ControlLog) -> Array:
     """Step a loop without contacts and return ``C`` times the modal states at each step, (outputs, steps + 1)."""
+    return run_steps(p, log, p.stepper, p.forcing)
+
+
+def run_steps(
+    p: LoopProblem,
+    log: ControlLog,
+    stepper: Array,
+    forcing: Array,
+    touched: Callable[[int, Array], Array] | None = None,
+) -> Array:
+    """Step a loop and return ``C`` times the modal states at each step, (outputs, steps + 1).
+
+    Parameters
+    ----------
+    p : LoopProblem
+    log : ControlLog
+        To be filled.
+    stepper, forcing : ndarray
+        What states and controls, and disturbances (steps, row), make of the row a step later: states first.
+    touched : callable, optional
+        Returns the row with contact forces, of a step and the row without them.
+    """
     n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
-    stepper, forcing, sample, given = p.stepper, p.forcing, sampler(p, log), log.given
+    sample, given = sampler(p, log), log.given
     X = np.zeros((p.grid.steps + 1, n))
     X[0] = p.start
     full = np.zeros(n + 2 * nu)
@@ -277,10 +299,11 @@ def run_smooth(p: LoopProblem, log: ControlLog) -> Array:
             sample(k // per_sample, heard)
         if k >= lag:
             after[:] = given[(k - lag) // per_sample]
-        row = X[k + 1]
-        np.dot(stepper, full, out=row)
+        row = stepper @ full
         row += forcing[k]
-        states[:] = row
+        if touched is not None:
+            row = touched(k, row)
+        states[:] = X[k + 1] = row[:n]
         before[:] = after
     if p.grid.steps % per_sample == 0:
         sample(p.grid.steps // per_sample, heard)

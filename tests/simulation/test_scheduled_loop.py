@@ -97,14 +97,6 @@ def test_the_same_in_python_control():
     np.testing.assert_allclose(found.outputs[1], run["hub_speed"], atol=1e-9 * abs(run["hub_speed"]).max())
 
 
-def test_scheduled_gains_in_python_control():
-    gains = [ct.ss([], [], [], [[k]], inputs="hub_speed", outputs="torque") for k in (-200.0, -300.0)]
-    system = bc.gain_schedule(gains, [0.0, 6.0]).to_nlsys("hub_speed")
-    speed, reference = np.array([0.0, 1.5, 3.0]), np.array([0.0, 0.5, 0.0])
-    torque = ct.input_output_response(system, np.arange(3.0), [speed, reference]).outputs
-    np.testing.assert_allclose(torque[0], [0.0, -225.0, -750.0])
-
-
 def test_frozen_controllers_stand_on_straight_lines():
     scheduled, (low, middle, high) = _scheduled(), (_law(k) for k in range(3))
     for value, wanted in ((-1.0, low.C), (0.03, middle.C), (0.265, 0.5 * (middle.C + high.C)), (9.0, high.C)):

@@ -258,16 +258,9 @@ def interpolate(trajectory: Trajectory, times: Array) -> tuple[Array, Array]:
     x = (place - left) / half - 1.0
     values = legvander(x, 2 * _WINDOW - 1) @ basis
     slopes = legvander(x, 2 * _WINDOW - 2) @ legder(basis) / (half * h)
-    q, v = np.zeros((len(times), trajectory.q.shape[1])), np.zeros((len(times), trajectory.q.shape[1]))
-    for j in range(_WINDOW):
-        q += (
-            values[:, j, None] * trajectory.q[left + j]
-            + values[:, _WINDOW + j, None] * (half * h) * trajectory.v[left + j]
-        )
-        v += (
-            slopes[:, j, None] * trajectory.q[left + j]
-            + slopes[:, _WINDOW + j, None] * (half * h) * trajectory.v[left + j]
-        )
+    within = left[:, None] + np.arange(_WINDOW)
+    known = np.concatenate([trajectory.q[within], half * h * trajectory.v[within]], axis=1)
+    q, v = (np.einsum("mj,mjn->mn", item, known) for item in (values, slopes))
     near = np.abs(place - np.rint(place)) < ALIKE
     ends = np.rint(place[near]).astype(int)
     q[near], v[near] = trajectory.q[ends], trajectory.v[ends]

@@ -5,9 +5,10 @@ later; the motion of the higher one is returned. A fast mode follows the slow on
 vibration would do to them is bounded, and where the bound is too large the steps become short enough for that mode.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import final
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -15,13 +16,13 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.maneuvers import TorqueDriven
-from boomctl.rotating_beam.drive import off_polynomials
+from boomctl.rotating_beam.drive import even_instants, off_polynomials
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
-from boomctl.rotating_beam.motion.free_trajectory import FreeTrajectory, Piece
-from boomctl.rotating_beam.motion.oscillators import FAST, flow
-from boomctl.rotating_beam.motion.sweeps import Swept, Window, settle
+from boomctl.rotating_beam.motion.oscillators import FAST, coordinates, flow
+from boomctl.rotating_beam.motion.scene import Scene
+from boomctl.rotating_beam.motion.sweeps import Swept, settle
+from boomctl.rotating_beam.motion.trajectory import FreeTrajectory, Piece
 
 STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes (measured, a torque on SFOAM)
 _MOST_STEPS = 256  # of a window where corners are even: a choice, for one of so many takes half of the time of four
@@ -53,98 +54,149 @@ _TIGHTER = 0.1  # factor of the error allowed in a window when all together have
 _ATTEMPTS = 3  # with ever tighter windows
 
 
-@final
-@dataclass(frozen=True, eq=False)
-class FreeScene:
-    """A torque-driven motion that is asked for.
+class _Weights(NamedTuple):
+    """What modal states mean for what is watched: displacements of the free end, and hub angle times its radius.
 
     Attributes
     ----------
-    maneuver : TorqueDriven
-    start : pair of ndarray, N
-        Coordinates and rates of hub and beam at t = 0.
-    corners : ndarray
-        Instants at which the torque is not smooth, s; ascending, > 0, the last is the end.
-    rows : ndarray, r x (N - 1)
-        Displacements of the free end over the beam's coordinates, with one common largest value.
-    radius : float
-        Distance of the free end from the axis, m.
-    rtol, atol : float
-        The error of the displacements, and that of the hub angle times the radius, is kept below
-        ``atol + rtol max |displacement|`` [m].
-    looked_at : ndarray or None
-        Even instants, at which a user's function is looked at, which may be less smooth than it says; None of others, s.
+    rows : ndarray, r x (1 + n)
+        Displacements over modal coordinates.
+    hub : ndarray, 1 + n
+        Hub angle times radius over modal coordinates.
+    sizes : ndarray, 2 x (1 + n)
+        Largest value of each that goes with a state of size 1, m.
+    speed : ndarray, 1 + n
+        What modal rates do to the hub angle times radius by the end, s m.
     """
 
-    maneuver: TorqueDriven
-    start: tuple[Array, Array]
-    corners: Array
     rows: Array
-    radius: float
-    rtol: float
-    atol: float
-    looked_at: Array | None
+    hub: Array
+    sizes: Array
+    speed: Array
 
-    @property
-    def end(self) -> float:
-        """The last instant, s."""
-        return float(self.corners[-1])
+    def peaks(self, z: Array) -> Array:
+        """Largest value of each at the nodes, 2."""
+        return np.array([np.abs(self.rows @ z).max(), np.abs(self.hub @ z).max()])
 
 
-@dataclass(frozen=True, eq=False)
-class _Progress:
-    """How far a scene has come; states in coordinates (r, x), both orders, 2 x 2 x (1 + n): coordinates, then rates.
+class _Window(NamedTuple):
+    """A window that was swept in both orders.
 
     Attributes
     ----------
-    scene : FreeScene
+    piece : Piece
+    sweeps : int
+    peaks : ndarray, 2
+        Of displacements and of hub angle times radius, m.
+    errors, added : ndarray, 3
+        Difference of the orders in these and in the hub's mean speed, as hub angle times radius at the end, m; and what
+        the window has added to it, as the linear motion carries it on.
+    hidden, unseen : ndarray, 2
+        What a user's torque may have hidden between the nodes, and what fast modes would add, m.
+    needed : float
+        Length of a step at which the fast mode that would do most is resolved, s.
+    states : ndarray, 2 x 2 x (1 + n)
+        At the window's end, as in `_Run`.
+    """
+
+    piece: Piece
+    sweeps: int
+    peaks: Array
+    errors: Array
+    added: Array
+    hidden: Array
+    unseen: Array
+    needed: float
+    states: Array
+
+
+@dataclass(eq=False)
+class _Run:
+    """How far a motion has come; states in coordinates (r, x), both orders, 2 x 2 x (1 + n): coordinates, then rates.
+
+    Attributes
+    ----------
+    form : FreeHubForm
+    scene : Scene
+    corners : ndarray
+        Instants at which the torque is not smooth, s; ascending, > 0, the last is the end.
     share : float
         Of the allowed error, for all windows together.
-    time : float
+    steps : int
+        Of a window.
     states : ndarray
     length : float
         Of the next window, s, if no corner comes before.
+    time : float
     most : float
         Longest step at which the fast modes that have to be are resolved, s.
-    longest : float
-        Longest window, s.
-    steps : int
-        Of a window.
-    most_windows : float
-        Where the motion is given up.
-    peaks, errors, unseen : ndarray, 2
-        Of displacements and of hub angle times radius, m: the largest so far, its error, what fast modes would add.
-    turning : float
-        Largest mean difference of the orders in the hub's speed, as hub angle times radius at the end, m.
-    pieces : tuple of Piece
-    failed : bool
+    peaks, errors, unseen : ndarray
+        Largest so far of those of the windows.
+    pieces : list of Piece
     """
 
-    scene: FreeScene
+    form: FreeHubForm
+    scene: Scene
+    corners: Array
     share: float
-    time: float
+    steps: int
     states: Array
     length: float
-    most: float
-    longest: float
-    steps: int
-    most_windows: float
-    peaks: Array
-    errors: Array
-    unseen: Array
-    turning: float = 0.0
-    pieces: tuple[Piece, ...] = ()
-    failed: bool = False
+    time: float = 0.0
+    most: float = np.inf
+    peaks: Array = field(default_factory=lambda: np.zeros(2))
+    errors: Array = field(default_factory=lambda: np.zeros(3))
+    unseen: Array = field(default_factory=lambda: np.zeros(2))
+    pieces: list[Piece] = field(default_factory=list)
 
     @property
     def done(self) -> bool:
-        """Whether there is nothing to do any more."""
+        """Whether the end is reached."""
         # of the whole time: a corner so near ahead is reached already
-        return self.failed or self.scene.end - self.time <= SUMMED * self.scene.end
+        return self.scene.end - self.time <= SUMMED * self.scene.end
 
-    def window(self) -> float:
+    def go_on(self) -> bool:
+        """Try a window, and take it or make it shorter; False where the motion is to be given up."""
+        length, end = self._next_length(), self.scene.end
+        window = _swept(self, length)
+        if window is None or not np.isfinite(window.errors).all():
+            self.length = 0.5 * length
+            return length >= _SMALLEST * end
+        # a difference of old turns with what is not linear too: that is no new error where the difference has not grown
+        grown = np.minimum(window.added, np.maximum(window.errors - self.errors, 0.0))
+        grown = np.array([grown[0], grown[1:].max()]) + window.hidden
+        excess = float((grown / self.addable(window.peaks, length)).max())
+        factor = float(np.clip(_CAUTION * max(excess, np.finfo(float).tiny) ** (-1.0 / _ORDER), *_GROWTH))
+        if excess > 1.0:
+            self.length = min(factor, _CAUTION) * length
+            return True
+        most_windows = _MOST_WINDOWS + _MORE_WINDOWS * (
+            end * np.sqrt(self.form.softest) / self.steps + self.corners.size
+        )
+        if (window.unseen > _UNSEEN * self.allowed(window.peaks)).any():
+            self.most = window.needed
+            return _RESOLVED * (end - self.time) <= most_windows * self.steps * window.needed
+        cut = length < _CAUTION * self.length  # by a corner, which says nothing of the windows behind it
+        following = length * min(factor, max(_MANY_SWEEPS / window.sweeps, 0.5))
+        self.length = max(following, self.length) if cut else following
+        self.pieces.append(window.piece)
+        self.time, self.states = self.time + length, window.states
+        corner = float(self.corners[int(np.argmin(np.abs(self.corners - self.time)))])
+        if (
+            abs(corner - self.time) <= ALIKE * length
+        ):  # what made a fast mode vibrate, perhaps: longer steps are tried anew
+            self.time, self.most = corner, np.inf
+        elif len(self.pieces) % _RELAXED == 0:
+            self.most *= 2.0
+        self.peaks = np.maximum(self.peaks, window.peaks)
+        self.errors = np.maximum(self.errors, window.errors)
+        self.unseen = np.maximum(self.unseen, window.unseen)
+        return len(self.pieces) < most_windows
+
+    def _next_length(self) -> float:
         """Length of the next window, s: it ends at a corner, or its steps do at all corners within it."""
-        length, left = min(self.length, self.longest, self.steps * self.most), self.scene.corners - self.time
+        longest = _DECAYED / self.form.decay if self.form.decay else np.inf
+        length, left = min(self.length, longest, self.steps * self.most), self.corners - self.time
         left = left[left > SUMMED * self.scene.end]
         gap = left[0]
         if length < 2.0 * gap:
@@ -161,6 +213,44 @@ class _Progress:
         """What a window of a length [s] may add to the errors, m."""
         return self.share * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
 
+    def torque(self, h: float, stages: int) -> Array:
+        """Torque at the nodes of the next window with steps of a length [s], m s."""
+        nodes = (np.arange(self.steps)[:, None] + gauss_method(stages).nodes).ravel()
+        return self.drive(self.time + h * nodes)
+
+    @property
+    def drive(self) -> Callable[[Array], Array]:
+        """Torque [N m] of an array of instants [s]."""
+        return self.scene.problem.drive
+
+
+def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTrajectory, float] | None:
+    """Return a motion and the error of its free end [m]; None where the tolerance is not kept.
+
+    Parameters
+    ----------
+    form : FreeHubForm
+    scene : Scene
+    corners : ndarray
+        Instants at which the torque is not smooth, s; ascending, > 0, the last is the end.
+    """
+    states = np.empty((2, form.lean.size + 1))
+    for state, item in zip(states, scene.start, strict=True):
+        state[1:] = np.linalg.solve(form.to_q, item[1:])
+        state[0] = (item[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
+    steps = _steps(corners)
+    length = _FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * steps / np.sqrt(form.softest)
+    for attempt in range(_ATTEMPTS):
+        run = _Run(form, scene, corners, _LOCAL * _TIGHTER**attempt, steps, np.stack([states, states]), length)
+        while not run.done:
+            if not run.go_on():
+                return None
+        allowed = run.allowed(run.peaks)
+        errors = run.errors[:2] + run.unseen + np.where(run.peaks > 0.0, _SETTLED * run.share * allowed, 0.0)
+        if (errors <= allowed).all():
+            return FreeTrajectory(form, tuple(run.pieces)), float(errors[0])
+    return None
+
 
 def _even(corners: Array) -> int:
     """How many corners [s] follow 0 and each other at the same distance, but for rounding of their places."""
@@ -168,298 +258,137 @@ def _even(corners: Array) -> int:
     return int(np.argmax(apart)) if apart.any() else corners.size
 
 
-def _steps(scene: FreeScene) -> int:
+def _steps(corners: Array) -> int:
     """Steps of the windows: where corners are even, such that few windows end at some and steps at all."""
-    corners = scene.corners.size if _even(scene.corners) == scene.corners.size else 1
-    within, rest = divmod(corners, -(-corners // _MOST_STEPS))
+    count = corners.size if _even(corners) == corners.size else 1
+    within, rest = divmod(count, -(-count // _MOST_STEPS))
     return STEPS if rest else within * max(1, STEPS // within)
 
 
-def free_motion(form: FreeHubForm, scene: FreeScene) -> tuple[FreeTrajectory, float] | None:
-    """Return a motion and the error of its free end [m]; None where the tolerance is not kept."""
-    share, steps = _LOCAL, _steps(scene)
-    for _ in range(_ATTEMPTS):
-        run = _begin(form, scene, share, steps)
-        while not run.done:
-            length = run.window()
-            run = _after(run, length, _tried(form, run, length))
-        if run.failed:
-            return None
-        errors = run.errors + run.unseen + np.where(run.peaks > 0.0, _SETTLED * share * run.allowed(run.peaks), 0.0)
-        if (errors <= run.allowed(run.peaks)).all():
-            return FreeTrajectory(form, run.pieces), float(errors[0])
-        share *= _TIGHTER
-    return None
+def _weights(form: FreeHubForm, modes: FreeModes, run: _Run) -> _Weights:
+    rows = run.scene.tip_rows @ form.to_q @ modes.shapes
+    rows = np.concatenate([np.zeros((len(rows), 1)), rows], axis=1)
+    hub = run.scene.radius * modes.push
+    sizes = np.stack([np.abs(rows).max(axis=0), np.abs(hub)]) / modes.rates.imag
+    return _Weights(rows, hub, sizes, hub * (run.scene.end - run.time))
 
 
-def _begin(form: FreeHubForm, scene: FreeScene, share: float, steps: int) -> _Progress:
-    states = np.empty((2, form.lean.size + 1))
-    for state, item in zip(states, scene.start, strict=True):
-        state[1:] = np.linalg.solve(form.to_q, item[1:])
-        state[0] = (item[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
-    none = np.zeros(2)
-    radian = steps / np.sqrt(form.softest)
-    longest = _DECAYED / form.decay if form.decay else np.inf
-    return _Progress(
-        scene=scene,
-        share=share,
-        time=0.0,
-        states=np.stack([states, states]),
-        length=_FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * radian,
-        most=np.inf,
-        longest=longest,
-        steps=steps,
-        most_windows=_MOST_WINDOWS + _MORE_WINDOWS * (scene.end / radian + scene.corners.size),
-        peaks=none,
-        errors=none,
-        unseen=none,
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class _Weights:
-    """What modal states mean for what is watched, b = 1 window.
-
-    Attributes
-    ----------
-    rows : ndarray, b x r x (1 + n)
-        Displacements of the free end over modal coordinates.
-    tip, hub : ndarray, b x (1 + n)
-        Largest displacement, and hub angle times radius, that goes with a state of size 1.
-    speed : ndarray, b
-        What a hub speed does to the hub angle times radius by the end, s m.
-    radius : ndarray, b
-        Of the free end, m.
-    """
-
-    rows: Array
-    tip: Array
-    hub: Array
-    speed: Array
-    radius: Array
-
-
-def _weights(form: FreeHubForm, modes: FreeModes, run: _Progress) -> _Weights:
-    radius = np.array([run.scene.radius])
-    rows = run.scene.rows[None] @ form.to_q @ modes.shapes
-    rows = np.concatenate([np.zeros((*rows.shape[:2], 1)), rows], axis=2)
-    size = np.ones_like(modes.push)
-    size[:, 1:] = 1.0 / modes.oscillators.omega
-    hub = radius[:, None] * np.abs(modes.push) * size
-    left = run.scene.end - run.time
-    return _Weights(rows, np.abs(rows).max(axis=1) * size, hub, radius * left, radius)
-
-
-@dataclass(frozen=True, eq=False)
-class _Tried:
-    """A window that was tried.
-
-    Attributes
-    ----------
-    sweeps : int
-    peaks, errors, unseen : ndarray, 2
-        As in `_Progress`.
-    added, hidden : ndarray, 2
-        What the window has added to the difference of the orders as the linear motion carries it on, and what a user's
-        torque may have hidden between the nodes.
-    turning, turned : float
-        Mean difference of the orders in the hub's speed, and what the window has added to it, both as hub angle times
-        radius at the end, m.
-    needed : float
-        Length of a step at which the fast mode that would do most is resolved, s.
-    states : ndarray, 2 x 2 x (1 + n)
-        At the window's end, as in `_Progress`.
-    piece : Piece
-    """
-
-    sweeps: int
-    peaks: Array
-    errors: Array
-    added: Array
-    hidden: Array
-    turning: float
-    turned: float
-    unseen: Array
-    needed: float
-    states: Array
-    piece: Piece
-
-
-def _after(run: _Progress, length: float, tried: _Tried | None) -> _Progress:
-    """A scene after a window that was tried; None: it did not settle."""
-    if tried is None or not np.isfinite(tried.errors).all():
-        return replace(run, length=0.5 * length, failed=length < _SMALLEST * run.scene.end)
-    # a difference of old turns with what is not linear too: that is no new error where the difference has not grown
-    grown = np.minimum(tried.added, np.maximum(tried.errors - run.errors, 0.0))
-    grown[1] = max(grown[1], min(tried.turned, max(tried.turning - run.turning, 0.0)))
-    excess = float(((grown + tried.hidden) / run.addable(tried.peaks, length)).max())
-    factor = float(np.clip(_CAUTION * max(excess, np.finfo(float).tiny) ** (-1.0 / _ORDER), *_GROWTH))
-    if excess > 1.0:
-        return replace(run, length=min(factor, _CAUTION) * length)
-    if (tried.unseen > _UNSEEN * run.allowed(tried.peaks)).any():
-        hopeless = _RESOLVED * (run.scene.end - run.time) > run.most_windows * run.steps * tried.needed
-        return replace(run, most=tried.needed, failed=hopeless)
-    following = length * min(factor, max(_MANY_SWEEPS / tried.sweeps, 0.5))
-    if length < _CAUTION * run.length:  # cut short by a corner, which says nothing of the windows behind it
-        following = max(following, run.length)
-    end, pieces = run.time + length, (*run.pieces, tried.piece)
-    corner = float(run.scene.corners[int(np.argmin(np.abs(run.scene.corners - end)))])
-    over = abs(corner - end) <= ALIKE * length  # what made a fast mode vibrate, perhaps: longer steps are tried anew
-    return replace(
-        run,
-        time=corner if over else end,
-        states=tried.states,
-        length=following,
-        most=np.inf if over else run.most if len(pieces) % _RELAXED else 2.0 * run.most,
-        peaks=np.maximum(run.peaks, tried.peaks),
-        errors=np.maximum(run.errors, tried.errors),
-        unseen=np.maximum(run.unseen, tried.unseen),
-        turning=max(run.turning, tried.turning),
-        pieces=pieces,
-        failed=len(pieces) >= run.most_windows,
-    )
-
-
-def _tried(form: FreeHubForm, run: _Progress, length: float) -> _Tried | None:
+def _swept(run: _Run, length: float) -> _Window | None:
     """Return a window of a given length [s], swept in both orders; None where the sweeps do not settle."""
-    low, high = STAGES
-    steps, h = run.steps, np.array([length / run.steps])
-    states = run.states[None].copy()
-    torque = _torque(run, h[0], low)
-    modes = free_modes(form, _typical_speed(form, states[:, 1, 1, 0], torque, h))
-    weights = _weights(form, modes, run)
-    states[..., 1:] = states[..., 1:] @ modes.shapes[:, None]
-    starts = [modes.oscillators.states(states[:, order, 0], states[:, order, 1]) for order in (0, 1)]
-    moved = flow(modes.oscillators, h, steps, low)
-    force = (modes.push[..., None] * torque).reshape(*modes.push.shape, steps, low)
-    peaks = _peaks(weights, modes, moved.at_nodes(force, moved.states(force, starts[0]))[0])
-    left = np.maximum(_SETTLED * run.addable(peaks[0], length), _ROUNDING * peaks)
-    rows, speed = weights.rows / left[:, :1, None], weights.speed / left[:, 1]
-    coarse = settle(Window(modes, moved, starts[0], torque, rows, speed), force)
+    (low, high), h, form = STAGES, length / run.steps, run.form
+    torque = run.torque(h, low)
+    modes = free_modes(form, _typical_speed(form, run.states[1, 1, 0], torque, h))
+    weights, states = _weights(form, modes, run), run.states.copy()
+    states[..., 1:] = states[..., 1:] @ modes.shapes
+    starts = [rate - modes.rates.conj() * z for z, rate in states]
+    moved = flow(modes.rates, h, run.steps, low)
+    force = (modes.push[:, None] * torque).reshape(modes.push.size, run.steps, low)
+    peaks = weights.peaks(moved.at_nodes(force, moved.states(force, starts[0]))[0])
+    left = np.maximum(_SETTLED * run.addable(peaks, length), _ROUNDING * peaks)
+    watched = weights.rows / left[0], weights.speed[None] / left[1]
+    coarse = settle(modes, moved, starts[0], torque, watched, force)
     if coarse is None:
         return None
-    torque = _torque(run, h[0], high)
-    moved = flow(modes.oscillators, h, steps, high)
-    window = Window(modes, moved, starts[1], torque, rows, speed)
-    fine = settle(window, coarse.force @ _places(low, tuple(gauss_method(high).nodes)).T)
+    moved = flow(modes.rates, h, run.steps, high)
+    force = coarse.force @ _places(low, tuple(gauss_method(high).nodes)).T
+    fine = settle(modes, moved, starts[1], run.torque(h, high), watched, force)
     if fine is None:
         return None
-    peaks = _peaks(weights, modes, fine.z)
-    errors, added, turning = _errors(weights, coarse, fine, window)
-    hidden = _overlooked(weights, run, window)
-    unseen, worst = _unseen(weights, fine, window)
-    ends = np.stack([np.stack(modes.oscillators.coordinates(item.states[..., -1]), 1) for item in (coarse, fine)], 1)
-    ends[..., 1:] = ends[..., 1:] @ modes.shapes.swapaxes(1, 2)[:, None]
-    return _Tried(
+    errors, added = _errors(weights, coarse, fine)
+    unseen, worst = _unseen(weights, modes, fine)
+    ends = np.stack([np.stack(coordinates(modes.rates, item.states[:, -1])) for item in (coarse, fine)])
+    ends[..., 1:] = ends[..., 1:] @ modes.shapes.T
+    return _Window(
+        piece=Piece(run.time, h, modes, moved.fast, fine.force, fine.states),
         sweeps=coarse.sweeps,
-        peaks=peaks[0],
-        errors=errors[0],
-        added=added[0],
-        hidden=hidden,
-        turning=float(turning[0, 0]),
-        turned=float(turning[0, 1]),
-        unseen=unseen[0],
-        needed=_CAUTION * FAST / float(modes.oscillators.omega[0, worst[0]]),
-        states=ends[0],
-        piece=Piece(run.time, float(h[0]), modes, moved.fast[0], fine.force[0], fine.states[0]),
+        peaks=weights.peaks(fine.z),
+        errors=errors,
+        added=added,
+        hidden=_overlooked(weights, run, fine),
+        unseen=unseen,
+        needed=_CAUTION * FAST / float(modes.rates.imag[1 + worst]),
+        states=ends,
     )
 
 
-def _typical_speed(form: FreeHubForm, rate: Array, torque: Array, h: Array) -> Array:
-    """Hub speeds whose squares are the mean ones of a rigid beam in the windows, rad/s, b: from the free mass's rates."""
-    impulse = torque.reshape(*rate.shape, -1, STAGES[0]) @ gauss_method(STAGES[0]).weights * h[:, None]
-    speed = rate[:, None] / np.sqrt(form.inertia) + np.cumsum(impulse, axis=1) / form.inertia
-    return np.sqrt(np.mean(speed**2, axis=1))
+def _typical_speed(form: FreeHubForm, rate: float, torque: Array, h: float) -> float:
+    """Hub speed whose square is the mean one of a rigid beam in a window, rad/s: from the free mass's rate."""
+    impulse = torque.reshape(-1, STAGES[0]) @ gauss_method(STAGES[0]).weights * h
+    speed = rate / np.sqrt(form.inertia) + np.cumsum(impulse) / form.inertia
+    return float(np.sqrt(np.mean(speed**2)))
 
 
-def _torque(run: _Progress, h: float, stages: int) -> Array:
-    """Torque at the nodes of the window, 1 x 1 x (m s)."""
-    nodes = (np.arange(run.steps)[:, None] + gauss_method(stages).nodes).ravel()
-    return run.scene.maneuver.torque(run.time + h * nodes)[None, None]
-
-
-def _overlooked(weights: _Weights, run: _Progress, window: Window) -> Array:
+def _overlooked(weights: _Weights, run: _Run, fine: Swept) -> Array:
     """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; 2.
 
     Its values at even instants count too: what lasts longer than from one of these to the next is not passed over.
     """
-    instants = run.scene.looked_at
-    if instants is None:
+    if not run.scene.given:
         return np.zeros(2)
-    push, h, places = window.modes.push[0], float(window.flow.h[0]), np.array([_INSIDE, 1.0 - _INSIDE])
-    nodes, begin = window.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
-    values = run.scene.maneuver.torque(begin[:, None] + h * places)
+    h, places, instants = fine.flow.h, np.array([_INSIDE, 1.0 - _INSIDE]), even_instants(run.scene.end)
+    nodes, begin = fine.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
+    values = run.drive(begin[:, None] + h * places)
     apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
     gap = instants[1]
     instants = instants[(instants >= begin[0]) & (instants <= begin[-1] + h)]
-    result = run.scene.maneuver.torque(instants)
+    result = run.drive(instants)
     between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, result)
     size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
     apart[apart <= _ROUNDING * size] = 0.0
     between[between <= _SEEN * size] = 0.0
-    to_tip, to_hub = np.sum(weights.tip[0, 1:] * np.abs(push[1:])), weights.speed[0] * push[0] ** 2
-    return max(h * apart.sum(), gap * between.sum()) * np.array([to_tip, to_hub])
+    push = weights.hub / run.scene.radius
+    moved = np.array([weights.sizes[0, 1:] @ np.abs(push[1:]), weights.speed[0] * push[0]])
+    return max(h * apart.sum(), gap * between.sum()) * moved
 
 
 @lru_cache(maxsize=4)
 def _places(stages: int, places: tuple[float, ...]) -> Array:
     """From values at the nodes to those at other places of a step, of the same polynomial."""
-    nodes, at = 2.0 * gauss_method(stages).nodes - 1.0, 2.0 * np.array(places) - 1.0
-    return legendre.legvander(at, stages - 1) @ np.linalg.inv(legendre.legvander(nodes, stages - 1))
+    return legendre.legvander(2.0 * np.array(places) - 1.0, stages - 1) @ gauss_method(stages).terms
 
 
-def _peaks(weights: _Weights, modes: FreeModes, z: Array) -> Array:
-    """Largest displacement of the free end, and hub angle times radius, at the nodes; b x 2."""
-    tip = np.abs(weights.rows @ z).max(axis=(1, 2))
-    return np.stack([tip, weights.radius * np.abs(modes.push[:, None] @ z).max(axis=(1, 2))], axis=1)
-
-
-def _errors(weights: _Weights, coarse: Swept, fine: Swept, window: Window) -> tuple[Array, Array, Array]:
-    """Differences of the orders: in all, what the window has added, and both in the hub's mean speed; b x 2 each."""
+def _errors(weights: _Weights, coarse: Swept, fine: Swept) -> tuple[Array, Array]:
+    """Differences of the orders, in all and what the window has added: see `_Window`."""
     apart: Array = fine.states - coarse.states
     own = np.empty_like(apart)
-    own[:, 1:] = apart[:, 1:] - window.flow.turns * apart[:, 1:, :1]
-    elapsed = window.flow.h[:, None] * np.arange(apart.shape[2])
-    own[:, 0] = apart[:, 0] - apart[:, 0, :1] - 1j * elapsed * np.real(apart[:, 0, :1])
+    own[1:] = apart[1:] - fine.flow.turns * apart[1:, :1]
+    own[0] = apart[0] - apart[0, 0] - 1j * fine.flow.h * np.arange(apart.shape[1]) * apart[0, 0].real
     result = []
     for item in (apart, own):
         size = np.abs(item)
-        size[:, 0] = np.abs(np.imag(item[:, 0]))
-        tip, hub = ((weight[:, None] @ size)[:, 0].max(axis=1) for weight in (weights.tip, weights.hub))
-        result.append(np.stack([tip, hub], axis=1))
-    turning = np.stack([np.abs(np.real(item[:, 0]).mean(axis=1)) for item in (apart, own)], axis=1)
-    return result[0], result[1], (weights.speed * window.modes.push[:, 0])[:, None] * turning
+        size[0] = np.abs(item[0].imag)
+        turning = weights.speed[0] * np.abs(item[0].real.mean())
+        result.append(np.append((weights.sizes @ size).max(axis=1), turning))
+    return result[0], result[1]
 
 
-def _unseen(weights: _Weights, fine: Swept, window: Window) -> tuple[Array, Array]:
-    """What the vibrations of fast modes would do to what is watched, b x 2, and which mode most of it.
+def _unseen(weights: _Weights, modes: FreeModes, fine: Swept) -> tuple[Array, int]:
+    """What the vibrations of fast modes would do to what is watched, 2, and which mode most of it.
 
     A vibration of amplitude a shifts its own phase, by what is not linear in its own equation, and pushes the hub and
     the other modes by what couples it to them; that force turns with the vibration, so that its impulse stays bounded.
     """
-    modes, fast = window.modes, window.flow.fast
-    if not window.flow.any_fast:
-        return np.zeros((fast.shape[0], 2)), np.zeros(fast.shape[0], dtype=int)
-    x, v, omega = fine.z[:, 1:], fine.rate[:, 1:], modes.oscillators.omega
-    rate = np.abs(window.flow.vibrations(fine.force, fine.states)).max(axis=2)
-    speed = np.abs(modes.hub_speed(fine.rate)).max(axis=(1, 2))[:, None]
-    square = np.maximum(speed**2 - modes.square[:, None], modes.square[:, None])
-    pushed, mobility = np.abs(modes.push[:, 1:]), np.sum(modes.push**2, axis=1)[:, None]
+    if not fine.flow.fast.any():
+        return np.zeros(2), 0
+    x, v, omega = fine.z[1:], fine.rate[1:], modes.rates.imag[1:]
+    rate = np.abs(fine.flow.vibrations(fine.force, fine.states)).max(axis=1)
+    speed = float(np.abs(modes.push @ fine.rate).max())
+    square = max(speed**2 - modes.square, modes.square)
+    pushed, mobility = np.abs(modes.push[1:]), modes.mobility
     bent = modes.slope @ x
-    inertia = np.abs(np.einsum("bik,bik->bk", x, bent)).max(axis=1)[:, None]
-    varies = 2.0 * np.abs(np.einsum("bik,bik->bk", v, bent)).max(axis=1)[:, None] * pushed
+    inertia = float(np.abs(np.sum(x * bent, axis=0)).max())
+    varies = 2.0 * float(np.abs(np.sum(v * bent, axis=0)).max()) * pushed
     coupling = np.zeros_like(omega)
     if modes.form.has_axial:
-        coupling = np.abs(modes.gyro @ x).max(axis=2)
-        varies += np.abs(modes.gyro @ v).max(axis=2)
+        coupling = np.abs(modes.gyro @ x).max(axis=1)
+        varies += np.abs(modes.gyro @ v).max(axis=1)
     slope, gyro = np.abs(modes.slope), np.abs(modes.gyro)
-    own = square * np.einsum("bii->bi", slope) + (omega * pushed) ** 2 * inertia + (omega * coupling) ** 2 * mobility
-    own += 4.0 * speed**2 * np.einsum("bij,bij->bi", gyro, gyro)
-    shift = np.minimum(2.0, 0.5 * own / omega * (window.flow.h * fine.force.shape[2])[:, None])
-    others = 2.0 * speed[..., None] * gyro + square[..., None] * slope / omega[:, None]
-    to_tip = (weights.tip[:, None, 1:] @ others)[:, 0] + np.sum(weights.tip[:, 1:] * pushed, axis=1)[:, None] * varies
-    tip = (weights.tip[:, 1:] * shift + to_tip / omega) * rate
-    hub = (weights.hub[:, 1:] * shift + (weights.speed * modes.push[:, 0] ** 2)[:, None] * varies / omega) * rate
-    both = np.stack([tip, hub], axis=1)
-    whole = both.sum(axis=2)
-    return whole, np.argmax((both / (whole + np.finfo(float).tiny)[..., None]).sum(axis=1), axis=1)
+    own = square * np.diag(slope) + (omega * pushed) ** 2 * inertia + (omega * coupling) ** 2 * mobility
+    own += 4.0 * speed**2 * np.sum(gyro * gyro, axis=1)
+    shift = np.minimum(2.0, 0.5 * own / omega * (fine.flow.h * fine.force.shape[1]))
+    others = 2.0 * speed * gyro + square * slope / omega + np.abs(modes.damping)
+    to_tip = weights.sizes[0, 1:] @ others + (weights.sizes[0, 1:] @ pushed) * varies
+    to_hub = weights.speed[0] * modes.push[0] * varies
+    both = (weights.sizes[:, 1:] * shift + np.stack([to_tip, to_hub]) / omega) * rate
+    whole = both.sum(axis=1)
+    return whole, int(np.argmax((both / (whole + np.finfo(float).tiny)[:, None]).sum(axis=0)))

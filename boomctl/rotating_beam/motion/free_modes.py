@@ -8,7 +8,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import FreeHubForm
-from boomctl.rotating_beam.motion.oscillators import Oscillators
 
 _SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is not linearized about; a choice
 
@@ -16,36 +15,33 @@ _SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is n
 @final
 @dataclass(frozen=True, eq=False)
 class FreeModes:
-    """Modes of b = 1 window, with the stiffness that its hub speed gives; first the free mass, then n vibrations.
+    """Modes of a window, with the stiffness that its hub speed gives; first the free mass, then n vibrations.
 
     Attributes
     ----------
     form : FreeHubForm
-    shapes : ndarray, b x n x n
+    shapes : ndarray, n x n
         ``x = shapes z``.
-    square : ndarray, b
+    square : float
         Hub speed squared at which the modes are decoupled, rad^2/s^2.
-    oscillators : Oscillators
-    push : ndarray, b x (1 + n)
+    rates : complex ndarray, 1 + n
+        Of the oscillators, 1/s; i of the free mass.
+    push : ndarray, 1 + n
         What a torque does to each mode; also the hub speed that goes with its rate.
-    slope, gyro, damping : ndarray, b x n x n
-        Of the vibrations; the last without its diagonal, which is in the oscillators.
-    axial : ndarray, b x n
+    slope, gyro, damping : ndarray, n x n
+        Of the vibrations; the last without its diagonal, which is in the rates.
+    axial : ndarray, n
     """
 
     form: FreeHubForm
     shapes: Array
-    square: Array
-    oscillators: Oscillators
+    square: float
+    rates: Array
     push: Array
     slope: Array
     gyro: Array
     damping: Array
     axial: Array
-
-    def hub_speed(self, rate: Array) -> Array:
-        """Of modal rates, b x (1 + n) x k; b x 1 x k."""
-        return self.push[:, None] @ rate
 
     def forces(self, z: Array, rate: Array, torque: Array) -> tuple[Array, Array]:
         """Modal forces of torque and all that is not linear, and what has to be > 0 for them.
@@ -54,42 +50,41 @@ class FreeModes:
 
         Parameters
         ----------
-        z, rate : ndarray, b x (1 + n) x k
+        z, rate : ndarray, (1 + n) x k
             Modal coordinates and rates at k instants.
-        torque : ndarray, b x 1 x k
+        torque : ndarray, k
             N m.
 
         Returns
         -------
-        force : ndarray, b x (1 + n) x k
-        solvable : ndarray, b x 1 x k
+        force : ndarray, (1 + n) x k
+        solvable : ndarray, k
             Positive where the mass matrix is positive definite.
         """
-        form, x, v = self.form, z[:, 1:], rate[:, 1:]
-        push, mobility = self.push[:, None, 1:], self.mobility
-        w = self.hub_speed(rate)
+        form, x, v = self.form, z[1:], rate[1:]
+        push, mobility = self.push[1:], self.mobility
+        w = self.push @ rate
         bent = self.slope @ x
         inertia = _dot(x, bent)
         square = w * w
-        force = (square - self.square[:, None, None]) * bent
+        force = (square - self.square) * bent
         hub = torque
         if form.keeps_inertia_torque:
             hub = hub - 2.0 * w * _dot(bent, v)
         back = self.stiffness * x
-        if self.form.decay:
+        if form.decay:
             force -= self.damping @ v
-            back += 2.0 * self.oscillators.sigma[..., None] * v
+            back -= 2.0 * self.rates.real[1:, None] * v
         if not form.has_axial:
             solvable = 1.0 + mobility * inertia
             turning = (mobility * hub + push @ (force - back)) / solvable
             hub = hub - inertia * turning
         else:
-            axial = self.axial[:, None]
-            inertia += 2.0 * (axial @ x)
+            inertia += 2.0 * (self.axial @ x)
             force += 2.0 * w * (self.gyro @ v)
-            force += square * self.axial[..., None]
+            force += square * self.axial[:, None]
             if form.keeps_inertia_torque:
-                hub = hub - 2.0 * w * (axial @ v)
+                hub = hub - 2.0 * w * (self.axial @ v)
             coupling = -(self.gyro @ x)
             linear = force - back
             crossed, squared = push @ coupling, _dot(coupling, coupling)
@@ -100,70 +95,63 @@ class FreeModes:
             turning = (right[0] * last - mobility * right[1]) / solvable
             force -= coupling * turning
             hub = hub - inertia * turning - (first * right[1] - low * right[0]) / solvable
-        result = self.push[..., None] * hub
-        result[:, 1:] += force
+        result = self.push[:, None] * hub
+        result[1:] += force
         return result, solvable
 
     def impulses(self, z: Array, jump: Array) -> Array:
-        """Impulses on the modes, b x (1 + n) x k, for vibrations that begin with given rates and are left out from then on.
+        """Impulses on the modes, (1 + n) x k, for vibrations that begin with given rates and are left out from then on.
 
         What couples them to the rest by inertia turns with them and does nothing in the mean, but for how it began.
 
         Parameters
         ----------
-        z : ndarray, b x (1 + n) x k
-        jump : ndarray, b x n x k
+        z : ndarray, (1 + n) x k
+        jump : ndarray, n x k
             Rates of the vibrations that begin.
         """
-        x, turning = z[:, 1:], self.push[:, None, 1:] @ jump
+        x, turning = z[1:], self.push[1:] @ jump
         hub = _dot(x, self.slope @ x) * turning
         result = np.zeros_like(z)
         if self.form.has_axial:
             coupling = -(self.gyro @ x)
-            hub += 2.0 * (self.axial[:, None] @ x) * turning + _dot(coupling, jump)
-            result[:, 1:] = coupling * turning
-        result += self.push[..., None] * hub
+            hub += 2.0 * (self.axial @ x) * turning + _dot(coupling, jump)
+            result[1:] = coupling * turning
+        result += self.push[:, None] * hub
         return result
 
     @cached_property
     def stiffness(self) -> Array:
-        """Of the vibrations, b x n x 1."""
-        return (self.oscillators.sigma**2 + self.oscillators.omega**2)[..., None]
+        """Of the vibrations, n x 1."""
+        return np.abs(self.rates[1:, None]) ** 2
 
     @cached_property
-    def mobility(self) -> Array:
-        """Acceleration of the hub by a torque, b x 1 x 1."""
-        return (self.push[:, None] @ self.push[..., None]).reshape(-1, 1, 1)
+    def mobility(self) -> float:
+        """Acceleration of the hub by a torque."""
+        return float(self.push @ self.push)
 
 
-def free_modes(form: FreeHubForm, speed: Array) -> FreeModes:
-    """Return the modes at hub speeds [rad/s], b; at rest where a speed leaves too little stiffness to vibrate."""
-    square = speed**2
-    while True:
-        values, shapes = np.linalg.eigh(form.stiffness - square[:, None, None] * form.slope)
-        turned = shapes.swapaxes(1, 2)
-        damping = turned @ form.damping @ shapes
-        sigma = 0.5 * np.einsum("bii->bi", damping)
-        soft = (values[:, 0] < _SOFTEST * form.softest) | (values <= sigma**2).any(axis=1)
-        if not soft.any() or not square[soft].any():
+def free_modes(form: FreeHubForm, speed: float) -> FreeModes:
+    """Return the modes at a hub speed [rad/s]; at rest where it leaves too little stiffness to vibrate."""
+    for square in (speed**2, 0.0):
+        values, shapes = np.linalg.eigh(form.stiffness - square * form.slope)
+        damping = shapes.T @ form.damping @ shapes
+        sigma = 0.5 * np.diag(damping)
+        if values[0] >= _SOFTEST * form.softest and (values > sigma**2).all():
             break
-        square = np.where(soft, 0.0, square)
-    np.einsum("bii->bi", damping)[...] = 0.0
-    push = np.empty((speed.size, form.lean.size + 1))
-    push[:, 0], push[:, 1:] = 1.0 / np.sqrt(form.inertia), form.lean @ shapes
     return FreeModes(
         form=form,
         shapes=shapes,
         square=square,
-        oscillators=Oscillators(sigma, np.sqrt(values - sigma**2), bool(form.decay)),
-        push=push,
-        slope=turned @ form.slope @ shapes,
-        gyro=turned @ form.gyro @ shapes,
-        damping=damping,
+        rates=np.concatenate([[1j], -sigma + 1j * np.sqrt(values - sigma**2)]),
+        push=np.concatenate([[form.inertia**-0.5], form.lean @ shapes]),
+        slope=shapes.T @ form.slope @ shapes,
+        gyro=shapes.T @ form.gyro @ shapes,
+        damping=damping - np.diag(2.0 * sigma),
         axial=form.axial @ shapes,
     )
 
 
 def _dot(a: Array, b: Array) -> Array:
-    """Products summed over the modes, b x 1 x k."""
-    return np.einsum("bik,bik->bk", a, b)[:, None]
+    """Products summed over the modes, k."""
+    return np.einsum("ik,ik->k", a, b)

@@ -1,12 +1,15 @@
 """Prescribed hub motion without gyroscopic terms and damping: every mode vibrates exactly, only the rest is collocated.
 
-The modes are those of the mean speed squared of each step, see `modal_steps`. A mode too fast for the step is followed
-all the same, which a polynomial for its coordinate could not do. After the last step the hub's speed is taken to be
-constant: what follows is a free vibration without a polynomial.
+With the mean of the speed squared over a step the beam's modes are decoupled, ``z'' + Omega^2 z = F(t)``. F holds the
+hub's acceleration and what the speed's deviation from its mean couples the modes by; it is given in the Gauss points of
+the step. The deviation is weak, so that these forces settle in a few sweeps; where they do not, they are solved for. A
+mode too fast for the step is followed all the same, which a polynomial for its coordinate could not do. After the last
+step the hub's speed is taken to be constant: what follows is a free vibration without a polynomial.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
+from typing import NamedTuple, final
 
 import numpy as np
 
@@ -14,15 +17,15 @@ from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.maneuvers import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import NormalForm
-from boomctl.rotating_beam.motion.modal_steps import (
-    STAGES,
-    highest_terms,
-    leading_terms,
-    polynomial_motion,
-    solve_steps,
-)
+from boomctl.rotating_beam.motion.oscillators import responses, turning
 from boomctl.rotating_beam.motion.refinement import Accuracy, halved
+from boomctl.rotating_beam.motion.trajectory import SMOOTH, Vibrations
 
+STAGES = 8  # nodes of a step: a choice, forces of degree 7 over nearly a period of the lowest mode
+_KEPT = 6  # Legendre terms of the forces that stay when the two highest are taken as the error
+_SWEEPS = 10  # in which forces may settle before they are solved for: a choice
+_FIRST_CHECK = 4  # sweep after which it is first asked whether they have settled: a choice, the question takes time too
+_SETTLED = 1e-11  # last change of settled forces, relative to them: after so few sweeps a tenth of it is left
 _AFTER = (
     1000.0  # square of the angle in which a step's slow mode answers a term of degree 8: 4 (2 8 - 1)(2 8 + 1), less
 )
@@ -31,70 +34,47 @@ _SHARE = 0.25  # of such forces that moves a displacement: a sixth and less (mea
 _LEVELS = 6  # of halved steps, before plain collocation takes over: a choice, 32 times as many steps as at first
 
 
-@dataclass(frozen=True)
+@final
+@dataclass(frozen=True, eq=False)
 class ModalTrajectory:
-    """Motion of n mass-normalized coordinates over m steps and beyond.
+    """Motion of hub and beam over m steps and beyond.
 
     Attributes
     ----------
     form : NormalForm
-    edges : ndarray, m + 1
-        Ends of the steps, s.
-    x, v : ndarray, (m + 1) x n
-        Coordinates and rates at the ends.
-    omega : ndarray, (m + 1) x n
-        Frequencies of the modes of each step and of what follows, rad/s.
-    shapes : ndarray, (m + 1) x n x n
-        ``x = shapes z``.
-    force : ndarray, m x n x s
-        Modal forces at the nodes.
+    maneuver : PrescribedMotion
+    vibrations : Vibrations
+        In m windows of one step each, and what follows.
+    x : ndarray, (m + 1) x n
+        Mass-normalized coordinates at the ends of the steps.
     error : ndarray, (m + 1) x 2 n
-        Estimated errors of x and v at the ends: twice what the two highest Legendre terms of the forces do to them.
+        Estimated errors of x and its rates at the ends: twice what the two highest Legendre terms of the forces do.
     deviation : ndarray, m
         Largest deviation of the speed squared from its mean on each step, rad^2/s^2.
     """
 
     form: NormalForm
-    edges: Array
+    maneuver: PrescribedMotion
+    vibrations: Vibrations
     x: Array
-    v: Array
-    omega: Array
-    shapes: Array
-    force: Array
     error: Array
     deviation: Array
 
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return self.deviation.size
+
     def displacement(self, row: Array, timepts: Array) -> Array:
-        """``row q`` at ascending instants from the first edge on, k."""
-        weights = ((row @ self.form.to_q) @ self.shapes)[:, None]
-        waves = weights * self._waves
-        step, elapsed = self._placed(timepts)
-        item = np.stack([self.omega, np.arctan2(waves[:, 1], waves[:, 0]), np.hypot(waves[:, 0], waves[:, 1])])
-        omega, phase, amplitude = item.take(step, 1)
-        omega *= elapsed[:, None]
-        omega += phase
-        result: Array = np.einsum("kn,kn->k", np.cos(omega), amplitude)
-        early = int(np.searchsorted(step, self.edges.size - 1))
-        coefficients = (weights[:-1] @ self._polynomials)[:, 0].take(step[:early], 0)
-        result[:early] += np.einsum("kj,kj->k", self._powers(step[:early], elapsed[:early]), coefficients)
-        return result
+        """``row q`` at instants, k."""
+        return self.vibrations.displacement(row @ self.form.to_q, timepts)
 
     def __call__(self, timepts: Array) -> tuple[Array, Array]:
-        """Coordinates q and rates at ascending instants from the first edge on, each k x n."""
-        step, elapsed = self._placed(timepts)
-        angle = self.omega[step] * elapsed[:, None]
-        cosine, sine = np.cos(angle), np.sin(angle)
-        cosine_part, sine_part = self._waves[step].swapaxes(0, 1)
-        z = cosine * cosine_part - sine * sine_part
-        rate = -self.omega[step] * (sine * cosine_part + cosine * sine_part)
-        early = int(np.searchsorted(step, self.edges.size - 1))
-        first = step[:early]
-        polynomials, place = self._polynomials[first], self._powers(first, elapsed[:early])
-        z[:early] += np.einsum("kj,knj->kn", place, polynomials)
-        slopes = np.arange(1, place.shape[1]) * place[:, :-1] / self._lengths[first, None]
-        rate[:early] += np.einsum("kj,knj->kn", slopes, polynomials[..., 1:])
-        both = self.shapes[step] @ np.stack([z, rate], axis=-1)
-        return both[..., 0] @ self.form.to_q.T, both[..., 1] @ self.form.to_q.T
+        """Coordinates and rates of hub and beam at instants, k x N each."""
+        z, rate, _ = self.vibrations.at(timepts)
+        shapes = self.form.to_q @ self.vibrations.shapes[self.vibrations.placed(timepts)[0]]
+        q, v = ((shapes @ item[..., None])[..., 0] for item in (z, rate))
+        return np.column_stack([self.maneuver.angle(timepts), q]), np.column_stack([self.maneuver.speed(timepts), v])
 
     def unseen(self, rows: Array) -> float:
         """How far forces that the ends' errors do not tell of may move displacements r of rows r x n over x.
@@ -103,92 +83,20 @@ class ModalTrajectory:
         highest terms that there are. A mode too fast for a polynomial vibrates after a jump of the hub's acceleration, and
         the speed's deviation from its mean couples it to all others: these forces are taken to come at random, step by step.
         """
-        omega, h, modes = self.omega[:-1], self._lengths[:, None], self.shapes[:-1]
+        known = self.vibrations
+        omega, h, modes = known.rates.imag[:-1], known.h[:-1, None], known.shapes[:-1]
         weights = np.abs(rows @ modes).max(axis=1)
-        before, last = leading_terms(self.force)
+        terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[_KEPT - 2 :].T)
+        before, last = terms[..., 0] + terms[..., 1], terms[..., 2] + terms[..., 3]
         after = last * last / np.maximum(np.maximum(before, last), np.finfo(float).tiny)
         inside = float((weights * after / (omega * omega + _AFTER / (h * h))).sum(axis=1).max())
         fast = omega * h > _FOLLOWED
         if not fast.any():
             return inside
-        vibrations = np.where(fast, np.hypot(*self._waves[:-1].swapaxes(0, 1)), 0.0)
+        vibrating = np.where(fast, np.abs(known.waves[:-1, :, 0]) / omega, 0.0)
         coupling = np.abs(modes.swapaxes(1, 2) @ self.form.slope @ modes)
-        force = (coupling @ vibrations[..., None])[..., 0] * self.deviation[:, None]
+        force = (coupling @ vibrating[..., None])[..., 0] * self.deviation[:, None]
         return inside + _SHARE * float(np.linalg.norm((weights * h / omega * force).sum(axis=1)))
-
-    @cached_property
-    def _lengths(self) -> Array:
-        return self.edges[1:] - self.edges[:-1]
-
-    def _placed(self, timepts: Array) -> tuple[Array, Array]:
-        """Steps in which instants lie, m for what follows them, and the time since each began."""
-        step = self.edges.searchsorted(timepts, side="right")
-        step -= 1
-        return step, timepts - self.edges.take(step)
-
-    def _powers(self, step: Array, elapsed: Array) -> Array:
-        """Powers of the place on a step, k x s or more."""
-        powers = np.empty((step.size, self._polynomials.shape[-1]))
-        powers[:, 0] = 1.0
-        powers[:, 1:] = (elapsed / self._lengths.take(step))[:, None]
-        return np.multiply.accumulate(powers, axis=1)
-
-    @cached_property
-    def _polynomials(self) -> Array:
-        """Coefficients of the polynomial part of each mode in powers of the place on a step, m x n x s or more."""
-        return polynomial_motion(self.omega[:-1], self._lengths, self.force)
-
-    @cached_property
-    def _waves(self) -> Array:
-        """Amplitudes of the cosine and, negative, of the sine in the vibration of each mode, (m + 1) x 2 x n."""
-        waves = np.stack([self.x, self.v], axis=1) @ self.shapes
-        waves[:-1, 0] -= self._polynomials[..., 0]
-        waves[:-1, 1] -= self._polynomials[..., 1] / self._lengths[:, None]
-        waves[:, 1] /= -self.omega
-        return waves
-
-
-def modal_march(
-    form: NormalForm, maneuver: PrescribedMotion, edges: Array, start: tuple[Array, Array]
-) -> ModalTrajectory:
-    """Solve the beam's equations over all steps.
-
-    The error is estimated by leaving the two highest Legendre terms of the forces out.
-
-    Parameters
-    ----------
-    form : NormalForm
-    maneuver : PrescribedMotion
-    edges : ndarray, m + 1
-        Ends of the steps, s.
-    start : pair of ndarray, n
-        Coordinates q and rates at ``edges[0]``.
-    """
-    method, n = gauss_method(STAGES), form.push.size
-    h = edges[1:] - edges[:-1]
-    nodes = (edges[:-1, None] + h[:, None] * method.nodes).ravel()
-    square = maneuver.speed(np.append(nodes, edges[-1])) ** 2
-    at_nodes = square[:-1].reshape(h.size, STAGES)
-    mean = np.append(at_nodes @ method.weights, square[-1])
-    values, shapes = np.linalg.eigh(form.stiffness + mean[:, None, None] * form.slope)
-    omega, modes = np.sqrt(values), shapes[:-1]
-    push = (form.push @ modes)[..., None] * maneuver.acceleration(nodes).reshape(h.size, 1, STAGES)
-    coupling = modes.swapaxes(1, 2) @ form.slope @ modes
-    remainder = at_nodes - mean[:-1, None]
-    steps = solve_steps(omega[:-1], h, push, remainder, coupling)
-    ends = modes[:, None] @ steps.ends.swapaxes(1, 2)
-    turned = ends[..., :-1].reshape(h.size, 2 * n, 2, n) @ modes.swapaxes(1, 2)[:, None]
-    turned = turned.reshape(h.size, 2 * n, 2 * n)
-    start_state = np.concatenate([form.to_x @ start[0], form.to_x @ start[1]])
-    state = _run_through(turned, ends[..., -1].reshape(h.size, 2 * n), start_state)
-    modal = np.ones((h.size, 2 * n + 1))
-    modal[:, :-1] = (state[:-1].reshape(-1, 2, n) @ modes).reshape(-1, 2 * n)
-    force = (steps.force @ modal[:, None, :, None])[..., 0]
-    lost = (steps.end_by_force @ highest_terms(force)[..., None])[..., 0]
-    lost = lost.swapaxes(1, 2) @ modes.swapaxes(1, 2)
-    error = _run_through(turned, 2.0 * lost.reshape(h.size, 2 * n), np.zeros(2 * n))
-    deviation = np.abs(remainder).max(axis=1)
-    return ModalTrajectory(form, edges, state[:, :n], state[:, n:], omega, shapes, force, error, deviation)
 
 
 def modal_refine(
@@ -222,9 +130,9 @@ def modal_refine(
         allowed = accuracy.atol + accuracy.rtol * float(np.abs(trajectory.x @ rows.T).max())
         error = float(np.abs(trajectory.error[:, :n] @ rows.T).max())
         if vibrates_on:
-            shapes = trajectory.shapes[-1]
+            shapes, omega = trajectory.vibrations.shapes[-1], trajectory.vibrations.rates.imag[-1]
             z, rate = trajectory.error[-1].reshape(2, n) @ shapes
-            amplitudes = rows @ shapes * np.hypot(z, rate / trajectory.omega[-1])
+            amplitudes = rows @ shapes * np.hypot(z, rate / omega)
             error = max(error, float(np.abs(amplitudes).sum(axis=1).max()))
         if error <= allowed:
             error += trajectory.unseen(rows)
@@ -232,6 +140,163 @@ def modal_refine(
                 return trajectory, error
         edges = halved(edges)
     return None
+
+
+def modal_march(
+    form: NormalForm, maneuver: PrescribedMotion, edges: Array, start: tuple[Array, Array]
+) -> ModalTrajectory:
+    """Solve the beam's equations over all steps.
+
+    The error is estimated by leaving the two highest Legendre terms of the forces out.
+
+    Parameters
+    ----------
+    form : NormalForm
+    maneuver : PrescribedMotion
+    edges : ndarray, m + 1
+        Ends of the steps, s.
+    start : pair of ndarray, n
+        Coordinates q and rates at ``edges[0]``.
+    """
+    method, n = gauss_method(STAGES), form.push.size
+    h = edges[1:] - edges[:-1]
+    nodes = (edges[:-1, None] + h[:, None] * method.nodes).ravel()
+    square = maneuver.speed(np.append(nodes, edges[-1])) ** 2
+    at_nodes = square[:-1].reshape(h.size, STAGES)
+    mean = np.append(at_nodes @ method.weights, square[-1])
+    values, shapes = np.linalg.eigh(form.stiffness + mean[:, None, None] * form.slope)
+    omega, modes = np.sqrt(values), shapes[:-1]
+    rates, lengths = 1j * omega, np.append(h, 1.0)
+    answers = responses(rates, lengths, STAGES, SMOOTH)
+    push = (form.push @ modes)[..., None] * maneuver.acceleration(nodes).reshape(h.size, 1, STAGES)
+    remainder = at_nodes - mean[:-1, None]
+    steps = _solve_steps(omega[:-1], h, answers[:-1], push, remainder, modes.swapaxes(1, 2) @ form.slope @ modes)
+    turned = modes[:, None] @ steps.transition.swapaxes(1, 2).reshape(h.size, 2, n, 2 * n)
+    turned = (turned.reshape(h.size, 2 * n, 2, n) @ modes.swapaxes(1, 2)[:, None]).reshape(h.size, 2 * n, 2 * n)
+    gained = (modes @ steps.pushed).swapaxes(1, 2).reshape(h.size, 2 * n)
+    start_state = np.concatenate([form.to_x @ start[0], form.to_x @ start[1]])
+    state = _run_through(turned, gained, start_state)
+    modal = state.reshape(-1, 2, n) @ shapes
+    known = np.ones((h.size, 2 * n + 1))
+    known[:, :-1] = modal[:-1].reshape(h.size, 2 * n)
+    force = np.zeros((h.size + 1, n, 1, STAGES))
+    force[:-1, :, 0] = (steps.force @ known[:, None, :, None])[..., 0]
+    lost = 2.0 * (steps.end_by_force @ (force[:-1, :, 0] @ _highest().T)[..., None])[..., 0]
+    lost = lost.swapaxes(1, 2) @ modes.swapaxes(1, 2)
+    vibrations = Vibrations(
+        begin=edges,
+        h=lengths,
+        rates=rates,
+        shapes=shapes,
+        force=force,
+        starts=(modal[:, 1] + 1j * omega * modal[:, 0])[..., None],
+        answers=answers,
+    )
+    error = _run_through(turned, lost.reshape(h.size, 2 * n), np.zeros(2 * n))
+    return ModalTrajectory(form, maneuver, vibrations, state[:, :n], error, np.abs(remainder).max(axis=1))
+
+
+class _Steps(NamedTuple):
+    """Answers of m steps, modal: to start coordinates, start rates and, last, the hub's acceleration.
+
+    Attributes
+    ----------
+    force : ndarray, m x n x s x (2 n + 1)
+        Modal forces at the nodes.
+    transition : ndarray, m x n x 2 x 2 x n
+        Coordinates and rates at the end by those at the start.
+    pushed : ndarray, m x n x 2
+        By the hub's acceleration.
+    end_by_force : ndarray, m x n x 2 x s
+        Coordinates and rates at the end by the forces at the nodes.
+    """
+
+    force: Array
+    transition: Array
+    pushed: Array
+    end_by_force: Array
+
+
+def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder: Array, coupling: Array) -> _Steps:
+    """Solve every step for its answers.
+
+    Parameters
+    ----------
+    omega : ndarray, m x n
+        Frequencies of the modes of each step, rad/s.
+    h : ndarray, m
+        Lengths of the steps, s.
+    answers : complex ndarray, m x n x (s + 2) x s
+        What forces do: see `responses`.
+    push : ndarray, m x n x s
+        Modal forces at the nodes by the hub's acceleration.
+    remainder : ndarray, m x s
+        Speed squared at the nodes less its mean.
+    coupling : ndarray, m x n x n
+        Modal stiffness that goes with it.
+    """
+    (m, n), s = omega.shape, STAGES
+    turned = turning(1j * omega, h[:, None] * np.append(gauss_method(s).nodes, 1.0))
+    to_nodes, end_by_force = _from_rest(omega, answers, turned)
+    cosine, sine = turned.real, turned.imag / omega[..., None]
+    free = np.zeros((m, n, s, 2 * n + 1))
+    np.einsum("mnsn->mns", free[..., :n])[...] = cosine[..., :s]
+    np.einsum("mnsn->mns", free[..., n:-1])[...] = sine[..., :s]
+    pushed = (to_nodes @ push[..., None])[..., 0]
+    size = float(np.abs(pushed).max()) or 1.0
+    np.divide(pushed, size, out=free[..., -1])
+    force = _forces(to_nodes, remainder, coupling, free)
+    force[..., -1] *= size
+    force[..., -1] += push
+    transition = (end_by_force @ force[..., :-1]).reshape(m, n, 2, 2, n)
+    own = np.einsum("mnrcn->rcmn", transition)
+    own += [[cosine[..., s], sine[..., s]], [-sine[..., s] * omega**2, cosine[..., s]]]
+    return _Steps(force, transition, (end_by_force @ force[..., -1:])[..., 0], end_by_force)
+
+
+def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Array]:
+    """What forces at the nodes do from rest: coordinates there, m x n x s x s, and `_Steps.end_by_force`."""
+    u: Array = turned[..., None] * answers[:, :, :1]
+    np.subtract(answers[:, :, 1:], u, out=u)
+    z = u.imag / omega[..., None, None]
+    return z[:, :, :-1] @ gauss_method(STAGES).terms, np.stack([z[:, :, -1], u.real[:, :, -1]], axis=2) @ gauss_method(
+        STAGES
+    ).terms
+
+
+def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:
+    """Forces F by the coupling of the coordinates ``free + to_nodes F``, at the nodes; shape of `free`.
+
+    The columns of `free`, motions without coupling, are to be of about one size.
+    """
+    m, n, s, columns = free.shape
+    factor = -remainder[:, None, :, None]
+
+    def forces(z: Array) -> Array:
+        result = (coupling @ z.reshape(m, n, -1)).reshape(free.shape)
+        result *= factor
+        return result
+
+    force = forces(free)
+    for sweep in range(1, _SWEEPS):
+        before, z = force, to_nodes @ force
+        z += free
+        force = forces(z)
+        if sweep >= _FIRST_CHECK:
+            before -= force
+            if np.vdot(before, before) <= _SETTLED**2 * np.vdot(force, force):
+                return force
+    system = (to_nodes * remainder[:, None, None])[:, :, :, None] * coupling[:, :, None, :, None]
+    system = system.reshape(m, n * s, n * s)
+    system.reshape(m, -1)[:, :: n * s + 1] += 1.0
+    return forces(np.linalg.solve(system, free.reshape(m, n * s, columns)))
+
+
+@lru_cache(maxsize=1)
+def _highest() -> Array:
+    """Leaves the two highest Legendre terms of what is given at the nodes, s x s."""
+    terms = gauss_method(STAGES).terms
+    return np.linalg.inv(terms)[:, _KEPT:] @ terms[_KEPT:]
 
 
 def _run_through(transition: Array, push: Array, start: Array) -> Array:

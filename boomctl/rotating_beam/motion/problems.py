@@ -1,8 +1,12 @@
-"""What the collocation solves: the beam at a prescribed hub motion, or hub and beam under a torque."""
+"""What the collocation solves: the beam at a prescribed hub motion, or hub and beam under a torque.
 
-from abc import ABC, abstractmethod
+These are second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates at k instants; `drive` is what drives
+the motion, the hub's acceleration or the torque on it, `first_guess` gives rates at m x s nodes for Newton's method to
+start from, and `why` says what it means that there is no solution from an instant on.
+"""
+
 from dataclasses import dataclass
-from typing import final
+from typing import ClassVar, final
 
 import numpy as np
 
@@ -11,42 +15,9 @@ from boomctl.maneuvers import PrescribedMotion, TorqueDriven
 from boomctl.rotating_beam.modal.equations import Equations, Tangents
 
 
-class Problem(ABC):
-    """Second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates."""
-
-    @property
-    def linear(self) -> bool:
-        """Whether the residual is affine in q, v and a: not where the hub's speed is one of the unknowns."""
-        return False
-
-    @abstractmethod
-    def drive(self, t: Array) -> Array:
-        """What drives the motion: the hub's acceleration, or the torque on it, of an array of instants."""
-
-    @abstractmethod
-    def residual(self, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Residual at k instants, k x n."""
-
-    @abstractmethod
-    def tangents(self, t: Array, q: Array, v: Array, a: Array) -> Tangents:
-        """Derivatives of the residual with respect to a, v and q, each k x n x n or n x n."""
-
-    @abstractmethod
-    def first_guess(self, t: Array, start: float, v: Array) -> Array:
-        """Rates at m x s nodes to start Newton's method from, m x s x n."""
-
-    def is_admissible(self, q: Array) -> bool:
-        """Whether the equations can be solved for the accelerations at all of k coordinates: the beam's own always can."""
-        return True
-
-    @abstractmethod
-    def why(self, time: float) -> str:
-        """Say what it means that there is no solution from an instant [s] on."""
-
-
 @final
 @dataclass(frozen=True)
-class PrescribedProblem(Problem):
+class PrescribedProblem:
     """Beam equations at the hub's prescribed speed and acceleration; linear for all models but CFOAM.
 
     Attributes
@@ -60,6 +31,7 @@ class PrescribedProblem(Problem):
 
     @property
     def linear(self) -> bool:
+        """Whether the residual is affine in q, v and a."""
         return self.equations.beam_speed_terms is not None
 
     def drive(self, t: Array) -> Array:
@@ -84,6 +56,10 @@ class PrescribedProblem(Problem):
         """No motion of the beam."""
         return np.zeros((*t.shape, v.size))
 
+    def is_admissible(self, q: Array) -> bool:
+        """Whether the equations can be solved for the accelerations at all of k coordinates: always."""
+        return True
+
     def why(self, time: float) -> str:
         return f"the deflection grows beyond all bounds from t = {time:.6g} s on: the model has lost its stiffness"
 
@@ -95,7 +71,7 @@ class PrescribedProblem(Problem):
 
 @final
 @dataclass(frozen=True)
-class TorqueDrivenProblem(Problem):
+class TorqueDrivenProblem:
     """Equations of hub and beam under a torque.
 
     Attributes
@@ -106,6 +82,7 @@ class TorqueDrivenProblem(Problem):
 
     equations: Equations
     maneuver: TorqueDriven
+    linear: ClassVar[bool] = False  # the hub's speed is one of the unknowns
 
     def drive(self, t: Array) -> Array:
         return self.maneuver.torque(t)
@@ -137,3 +114,6 @@ class TorqueDrivenProblem(Problem):
             f"the model's mass matrix ceases to be positive definite at t = {time:.6g} s: the torque drives it out of "
             "the deformations it is valid for; use less torque or model='geometrically-exact'"
         )
+
+
+Problem = PrescribedProblem | TorqueDrivenProblem

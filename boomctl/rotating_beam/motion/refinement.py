@@ -16,7 +16,9 @@ from boomctl.rotating_beam.motion.problems import Problem
 
 STAGES = 8  # of the collocation, order 16: a choice; 4 and 6 take longer (measured, a torque on FOAM, 5 + 5 modes)
 
-_PHASE = 5.5  # first step times the lowest frequency of the beam, for vibrations in closed form: nearly a period
+# First step times the lowest frequency of the beam, for vibrations in closed form: nearly a period.  It is shorter for a
+# tolerance below `_LOOSE`, by a root of it: steps that are halved once or twice then do (measured)
+_PHASE, _LOOSE, _ROOT = 5.5, 1e-6, 7.0
 _PHASE_GRADED = 1.4  # likewise for polynomials: a quarter of a period, which eight stages follow
 
 _FIRST_TOLERANCE = 1e-6  # change of a coordinate at which Newton's method stops on the first steps, m: they are a start
@@ -32,7 +34,9 @@ _HOPELESS = (
 _SMOOTH = 0.02  # part of the allowed error below which a step's highest terms leave it as it is
 
 
-def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float, *, graded: bool) -> Array:
+def first_steps(
+    equations: Equations, breakpoints: tuple[float, ...], end: float, *, rtol: float, graded: bool
+) -> Array:
     """Ends of the coarsest steps: equal between the instants at which the maneuver is not smooth.
 
     Graded after these, down to the time scale of the highest mode, they catch the vibrations that are excited there.
@@ -45,11 +49,13 @@ def first_steps(equations: Equations, breakpoints: tuple[float, ...], end: float
         Instants at which the maneuver is not smooth, s.
     end : float
         Instant at which the last step ends, s.
+    rtol : float
+        Of the free end's displacement.
     graded : bool
         Whether to grade the steps, for polynomials; vibrations in closed form may start from longer, equal steps.
     """
     lowest, highest = equations.frequency_range
-    phase = _PHASE_GRADED if graded else _PHASE
+    phase = _PHASE_GRADED if graded else _PHASE * min(1.0, rtol / _LOOSE) ** (1.0 / _ROOT)
     corners = [0.0, *(item for item in breakpoints if 0.0 < item < end), end]
     edges: list[Array] = [np.zeros(1)]
     for left, right in pairwise(corners):
@@ -100,7 +106,7 @@ class Accuracy:
     def roughness(self, trajectory: Trajectory, allowed: list[float]) -> Array:
         """How far a step's highest Legendre terms move the watched displacements, as a part of what is allowed."""
         moved = trajectory.highest_terms()
-        parts = [np.abs(moved @ rows.T).max(axis=1) / bound for rows, bound in zip(self.rows, allowed, strict=True)]
+        parts = [(moved @ np.abs(rows).T).max(axis=1) / bound for rows, bound in zip(self.rows, allowed, strict=True)]
         return np.max(parts, axis=0)
 
 

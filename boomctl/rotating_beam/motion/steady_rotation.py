@@ -1,49 +1,74 @@
 """The beam's motion at constant hub speed in closed form, for the models that are then linear."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
+from boomctl.maneuvers import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import BeamSpeedTerms
 
 _WORST_CONDITION = 1e8  # of the eigenvectors: half of the digits are left, as many as the default tolerance asks for
-_INTERVAL_DIGITS = 12  # decimals [s] in which equal intervals agree, so that one exponential serves them
 
-# The forms of the motion at constant hub speed, in the order tried
-MODES = "modes"  # without damping and gyroscopic terms: every mode turns on its own, whatever its stiffness
-EIGENVECTORS = "eigenvectors"  # otherwise: of the first-order form
-EXPONENTIALS = "matrix exponentials"  # where these are ill-conditioned: slower, and always exact
+Pair = tuple[Array, Array]
+"""Coordinates and rates of the beam, n or k x n each."""
 
 
-def steady_motion(
-    terms: BeamSpeedTerms, speed: float, start: tuple[Array, Array], elapsed: Array
-) -> tuple[Array, Array, str]:
-    """Coordinates and rates of the beam after given times at a constant hub speed, exact but for rounding.
+class SteadyRotation(NamedTuple):
+    """Motion of the beam at a constant hub speed, exact but for rounding.
 
-    Parameters
+    Attributes
     ----------
-    terms : BeamSpeedTerms
+    begin : float
+        From when on, s.
     speed : float
         Hub speed, rad/s.
-    start : pair of ndarray, n
-        Coordinates and rates at the beginning.
-    elapsed : ndarray, k
-        Times since then, s.
-
-    Returns
-    -------
-    q, v : ndarray, k x n
-    form : str
-        The form that was used: `MODES`, `EIGENVECTORS` or `EXPONENTIALS`.
+    flow : callable
+        Returns coordinates and rates after given times [s], of those at the beginning.
+    name : str
+        Of the form that is used.
     """
-    stiffness = terms.K + speed**2 * terms.K_w
-    damping = terms.C + speed * terms.G
-    force = speed**2 * terms.f_w
+
+    begin: float
+    speed: float
+    flow: Callable[[Pair, Array], Pair]
+    name: str
+
+    def __call__(self, start: Pair, timepts: Array) -> Pair:
+        """Coordinates and rates at instants [s].
+
+        Raises
+        ------
+        SimulationError
+            They exceed every number.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            q, v = self.flow(start, timepts - self.begin)
+        finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+        if not finite.all():
+            time = timepts[np.argmin(finite)]
+            raise SimulationError(
+                f"the deflection exceeds every number by t = {time:.6g} s: the model has lost its stiffness"
+            )
+        return q, v
+
+
+def steady_rotation(terms: BeamSpeedTerms, maneuver: PrescribedMotion) -> SteadyRotation | None:
+    """Return the closed form at the speed at which a maneuver ends; None where its eigenvectors are ill-conditioned."""
+    if not np.isfinite(maneuver.steady_from):
+        return None
+    speed = float(maneuver.speed(maneuver.steady_from))
+    stiffness, damping, force = terms.K + speed**2 * terms.K_w, terms.C + speed * terms.G, speed**2 * terms.f_w
     if np.any(damping) or np.any(force):
-        return _general(terms, stiffness, damping, force, start, elapsed)
-    return *_modal(terms.M, stiffness, start, elapsed), MODES
+        flow, name = _by_eigenvectors(terms, stiffness, damping, force), "eigenvectors"
+    else:
+        flow, name = _by_modes(terms.M, stiffness), "modes"
+    return None if flow is None else SteadyRotation(maneuver.steady_from, speed, flow, f"steady rotation by {name}")
 
 
-def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> tuple[Array, Array]:
+def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> Pair:
     """Rows from coordinates and from rates to the amplitudes of the modes at the free end, n x n each.
 
     Modes are those of ``K + w^2 K_w`` without damping and gyroscopic terms; one without stiffness counts with 1 rad/s.
@@ -64,65 +89,46 @@ def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> tup
     return rows, rows / rate[:, None]
 
 
-def _modal(mass: Array, stiffness: Array, start: tuple[Array, Array], elapsed: Array) -> tuple[Array, Array]:
+def _by_modes(mass: Array, stiffness: Array) -> Callable[[Pair, Array], Pair]:
+    """Without damping and gyroscopic terms every mode turns on its own, whatever its stiffness."""
     from scipy.linalg import eigh
 
     squares, shapes = eigh(stiffness, mass)
-    q, v = (shapes.T @ mass @ item for item in start)
-    rate = np.sqrt(np.abs(squares))
-    phase = np.multiply.outer(elapsed, rate)
-    stiff = squares > 0.0
-    with np.errstate(over="ignore", invalid="ignore"):
+    rate, stiff = np.sqrt(np.abs(squares)), squares > 0.0
+
+    def flow(start: Pair, elapsed: Array) -> Pair:
+        q, v = (shapes.T @ mass @ item for item in start)
+        phase = np.multiply.outer(elapsed, rate)
         cosine = np.where(stiff, np.cos(phase), np.cosh(np.where(stiff, 0.0, phase)))
         growing = np.sinh(np.where(stiff, 0.0, phase))
         sine = np.where(stiff, np.sin(phase), growing) / np.where(rate > 0.0, rate, 1.0)
         sine = np.where(rate > 0.0, sine, elapsed[:, None])
         return (q * cosine + v * sine) @ shapes.T, (v * cosine - squares * q * sine) @ shapes.T
 
+    return flow
 
-def _general(
-    terms: BeamSpeedTerms,
-    stiffness: Array,
-    damping: Array,
-    force: Array,
-    start: tuple[Array, Array],
-    elapsed: Array,
-) -> tuple[Array, Array, str]:
+
+def _by_eigenvectors(
+    terms: BeamSpeedTerms, stiffness: Array, damping: Array, force: Array
+) -> Callable[[Pair, Array], Pair] | None:
     """In coordinates in which mass and stiffness at rest are unity: there undamped motion is a rotation."""
     n = force.size
     mass_root: Array = np.linalg.cholesky(terms.M)
     stiffness_root: Array = np.linalg.cholesky(terms.K)
     to_q, to_v = np.linalg.inv(stiffness_root).T, np.linalg.inv(mass_root).T
     system = np.zeros((2 * n, 2 * n))
-    system[:n, n:] = np.matmul(stiffness_root.T, to_v)
-    system[n:, :n] = -np.matmul(to_v.T, stiffness @ to_q)
-    system[n:, n:] = -np.matmul(to_v.T, damping @ to_v)
-    push = np.concatenate([np.zeros(n), to_v.T @ force])
-    state = np.concatenate([stiffness_root.T @ start[0], mass_root.T @ start[1]])
-    states, form = _linear_flow(system, push, state, elapsed)
-    return states[:, :n] @ to_q.T, states[:, n:] @ to_v.T, form
-
-
-def _linear_flow(system: Array, push: Array, state: Array, elapsed: Array) -> tuple[Array, str]:
-    """Solution of ``z' = system z + push`` after given times, k x n, and the form that was used."""
+    system[:n, n:] = stiffness_root.T @ to_v
+    system[n:, :n] = -to_v.T @ stiffness @ to_q
+    system[n:, n:] = -to_v.T @ damping @ to_v
     values, vectors = np.linalg.eig(system)
-    if np.linalg.cond(vectors) < _WORST_CONDITION and np.abs(values).min() > 0.0:
-        rest = -np.linalg.solve(system, push)
-        with np.errstate(over="ignore", invalid="ignore"):
-            modes = np.exp(np.multiply.outer(elapsed, values)) * np.linalg.solve(vectors, state - rest)
-            return rest + (modes @ vectors.T).real, EIGENVECTORS
-    return _by_exponentials(system, push, state, elapsed), EXPONENTIALS
+    if np.linalg.cond(vectors) >= _WORST_CONDITION or np.abs(values).min() == 0.0:
+        return None
+    rest = -np.linalg.solve(system, np.concatenate([np.zeros(n), to_v.T @ force]))
 
+    def flow(start: Pair, elapsed: Array) -> Pair:
+        state = np.concatenate([stiffness_root.T @ start[0], mass_root.T @ start[1]])
+        modes = np.exp(np.multiply.outer(elapsed, values)) * np.linalg.solve(vectors, state - rest)
+        states = rest + (modes @ vectors.T).real
+        return states[:, :n] @ to_q.T, states[:, n:] @ to_v.T
 
-def _by_exponentials(system: Array, push: Array, state: Array, elapsed: Array) -> Array:
-    from boomctl.lti.hold import zero_order_hold
-
-    result, before, known = np.empty((elapsed.size, state.size)), 0.0, {}
-    for k, now in enumerate(elapsed):
-        interval = round(float(now - before), _INTERVAL_DIGITS)
-        if interval not in known:
-            known[interval] = zero_order_hold(system, push[:, None], interval)
-        Phi, gained = known[interval]
-        state, before = np.matmul(Phi, state) + gained[:, 0], float(now)
-        result[k] = state
-    return result
+    return flow

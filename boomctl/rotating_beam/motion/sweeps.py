@@ -12,7 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.rotating_beam.motion.free_modes import FreeModes
-from boomctl.rotating_beam.motion.oscillators import Flow
+from boomctl.rotating_beam.motion.oscillators import Flow, coordinates
 
 _SWEEPS = 40  # where a window is given up: 6 to 25 are taken (measured), and a shorter window takes fewer
 _NEAR = 10.0  # times what may be left: such a change is the last where it was also smaller by that than the one before
@@ -20,48 +20,25 @@ _NEAR = 10.0  # times what may be left: such a change is the last where it was a
 
 @final
 @dataclass(frozen=True, eq=False)
-class Window:
-    """Equal steps of b = 1 window.
-
-    Attributes
-    ----------
-    modes : FreeModes
-    flow : Flow
-        Of m steps and s nodes.
-    start : complex ndarray, b x (1 + n)
-        Modal state at the beginning.
-    torque : ndarray, b x 1 x (m s)
-        At the nodes, N m.
-    rows : ndarray, b x r x (1 + n)
-        Displacements that are watched, over what may be left of their change: 1 is enough.
-    speed : ndarray, b
-        Likewise the hub speed, over rad/s.
-    """
-
-    modes: FreeModes
-    flow: Flow
-    start: Array
-    torque: Array
-    rows: Array
-    speed: Array
-
-
-@final
-@dataclass(frozen=True, eq=False)
 class Swept:
-    """Motion through a window.
+    """Motion through a window of m equal steps with s nodes.
 
     Attributes
     ----------
-    force : ndarray, b x (1 + n) x m x s
+    flow : Flow
+    torque : ndarray, m s
+        At the nodes, N m.
+    force : ndarray, (1 + n) x m x s
         Modal forces at the nodes.
-    states : complex ndarray, b x (1 + n) x (m + 1)
+    states : complex ndarray, (1 + n) x (m + 1)
         Modal states at the ends of the steps.
-    z, rate : ndarray, b x (1 + n) x (m s)
+    z, rate : ndarray, (1 + n) x (m s)
         Modal coordinates and rates at the nodes, without the vibrations of fast modes.
     sweeps : int
     """
 
+    flow: Flow
+    torque: Array
     force: Array
     states: Array
     z: Array
@@ -69,33 +46,39 @@ class Swept:
     sweeps: int
 
 
-def settle(window: Window, force: Array) -> Swept | None:
+def settle(
+    modes: FreeModes, flow: Flow, start: Array, torque: Array, watched: tuple[Array, Array], force: Array
+) -> Swept | None:
     """Sweep until the next sweep would change too little; None where that does not happen.
 
     Parameters
     ----------
-    window : Window
-    force : ndarray, b x (1 + n) x m x s
+    modes : FreeModes
+    flow : Flow
+    start : complex ndarray, 1 + n
+        Modal state at the beginning.
+    torque : ndarray, m s
+        At the nodes, N m.
+    watched : tuple of ndarray, r x (1 + n) each
+        Rows over coordinates, and over rates, over what may be left of their change: 1 is enough.
+    force : ndarray, (1 + n) x m x s
         Where to begin.
     """
-    moved, modes, shape = window.flow, window.modes, force.shape
-    change, watched, impulses = np.inf, None, None
+    change, seen, impulses = np.inf, None, None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for sweep in range(1, _SWEEPS + 1):
-            states = moved.states(force, window.start, impulses)
-            z, rate = moved.at_nodes(force, states)
-            if moved.any_fast:
-                begin = moved.beginning(moved.vibrations(force, states))
-                impulses = modes.impulses(modes.oscillators.coordinates(states)[0], begin)
-            following, solvable = modes.forces(z, rate, window.torque)
-            seen = np.concatenate([window.rows @ z, window.speed[:, None, None] * modes.hub_speed(rate)], axis=1)
-            before = change
-            if watched is not None:
-                change = float(np.abs(seen - watched).max())
-            watched = seen
+            states = flow.states(force, start, impulses)
+            z, rate = flow.at_nodes(force, states)
+            if flow.fast.any():
+                begin = flow.beginning(flow.vibrations(force, states))
+                impulses = modes.impulses(coordinates(modes.rates, states)[0], begin)
+            following, solvable = modes.forces(z, rate, torque)
+            last, before, seen = seen, change, np.concatenate([watched[0] @ z, watched[1] @ rate])
+            if last is not None:
+                change = float(np.abs(seen - last).max())
             if change <= 1.0 or (before < np.inf and change <= min(_NEAR, before / _NEAR)):
-                return Swept(force, states, z, rate, sweep) if (solvable > 0.0).all() else None
+                return Swept(flow, torque, force, states, z, rate, sweep) if (solvable > 0.0).all() else None
             if np.isnan(change):
                 return None
-            force = following.reshape(shape)
+            force = following.reshape(force.shape)
     return None

@@ -8,7 +8,6 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
 from boomctl.simulation.contact.friction import CoulombFriction
-from boomctl.simulation.contact.stops import StopMaps
 from boomctl.simulation.plant import ModalPlant, Step
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
@@ -78,12 +77,12 @@ def _smooth(W: Array, h: float, per_point: int) -> tuple[Array, Array]:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Friction (a law and its place) and stops (places and what they do)."""
+    """Friction (a law and its place) and stops (places and the strokes allowed, m)."""
 
     law: CoulombFriction | None
     slip: Contact | None
     stops: tuple[Contact, ...]
-    stop_maps: StopMaps | None
+    limits: Array
 
 
 def contact_at(
@@ -180,10 +179,4 @@ def contacts_of(
     stops = tuple(contact_at(plant, maps, output, force, driven=driven) for output, force, _ in places)
     if slip is None and not stops:
         return None
-    stop_maps = None
-    if stops:
-        states = np.column_stack([*(maps.Phi @ stop.column for stop in stops), *(stop.held / maps.h for stop in stops)])
-        position, velocity = (np.vstack([getattr(stop, kind) for stop in stops]) for kind in ("position", "velocity"))
-        limits = np.array([size for _, _, size in places])
-        stop_maps = StopMaps(position @ states, velocity @ states, states, limits)
-    return Contacts(friction, slip, stops, stop_maps)
+    return Contacts(friction, slip, stops, np.array([size for _, _, size in places]))

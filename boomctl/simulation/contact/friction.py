@@ -99,15 +99,13 @@ class Slip(NamedTuple):
 class FrictionStep(NamedTuple):
     """Mean friction force over a step [N], slip velocity at its end, and how the step went.
 
-    ``sliding`` is the share of the step before sliding came to rest (1: it did not, 0: it stuck from the beginning),
-    ``first`` the force during that share.
+    ``sliding`` is the share of the step before sliding came to rest (1: it did not, 0: it stuck from the beginning).
     """
 
     force: float
     velocity: float
     stuck: bool
     sliding: float
-    first: float
 
 
 def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) -> FrictionStep:
@@ -131,23 +129,23 @@ def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) ->
     first = -law.sliding_force * direction
     end = free + gain * first
     if end * direction > 0.0:
-        return FrictionStep(first, end, False, 1.0, first)
+        return FrictionStep(first, end, False, 1.0)
     share = velocity / (velocity - end) if velocity != end else 1.0
     rest = 1.0 - share
     if rest < SUMMED:  # share of a step: what rounding leaves of it is no rest
-        return FrictionStep(holding, 0.0, True, 1.0, first)
+        return FrictionStep(holding, 0.0, True, 1.0)
     needed = (holding - share * first) / rest
     if abs(needed) <= law._breakaway_force:
-        return FrictionStep(holding, 0.0, True, share, first)
+        return FrictionStep(holding, 0.0, True, share)
     mean = share * first + rest * (law.sliding_force if needed > 0.0 else -law.sliding_force)
-    return FrictionStep(mean, free + gain * mean, False, share, first)
+    return FrictionStep(mean, free + gain * mean, False, share)
 
 
 def _from_rest(holding: float, free: float, gain: float, law: CoulombFriction, held: float | None) -> FrictionStep:
     slope = 0.0 if held is None or law._breakaway_force == law.sliding_force else holding - held
     start, end = holding - 0.5 * slope, holding + 0.5 * slope
     if max(abs(start), abs(end)) <= law._breakaway_force:
-        return FrictionStep(holding, 0.0, True, 0.0, holding)
+        return FrictionStep(holding, 0.0, True, 0.0)
     sign = 1.0 if (end if abs(end) > abs(start) else start) > 0.0 else -1.0
     share = 0.0
     if sign * start < law._breakaway_force and slope != 0.0:
@@ -155,5 +153,5 @@ def _from_rest(holding: float, free: float, gain: float, law: CoulombFriction, h
     mean = share * (start + 0.5 * share * slope) + (1.0 - share) * sign * law.sliding_force
     velocity = free + gain * mean
     if velocity * sign >= 0.0:
-        return FrictionStep(holding, 0.0, True, 0.0, holding)
-    return FrictionStep(mean, velocity, False, 0.0, holding)
+        return FrictionStep(holding, 0.0, True, 0.0)
+    return FrictionStep(mean, velocity, False, 0.0)

@@ -16,7 +16,8 @@ from boomctl.lti.rounding import ALIKE, SOLVED, SUMMED
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.contact.friction import CoulombFriction, FrictionStep, Slip, friction_step
 from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
-from boomctl.simulation.stepping import ControlLog, LoopProblem, sampler
+from boomctl.simulation.plant import Step
+from boomctl.simulation.stepping import ControlLog, LoopProblem, run_steps
 
 _ROUNDS = 80  # bisections at most: 1e-13 takes 43, each may be preceded by a step that gains little
 
@@ -39,7 +40,7 @@ class ContactRows:
     held : (n + 2 + 2 stops,) ndarray
         What a unit friction force over a whole step adds to a row; ``gain`` is its slip velocity.
     gain : float
-    sliding, sticking : StopMaps or None
+    sliding, sticking : StopMaps
         What stops do to a row, the friction force given or the slip held.
     """
 
@@ -49,8 +50,8 @@ class ContactRows:
     law: CoulombFriction | None
     held: Array
     gain: float
-    sliding: StopMaps | None
-    sticking: StopMaps | None
+    sliding: StopMaps
+    sticking: StopMaps
 
     @property
     def stops(self) -> int:
@@ -58,9 +59,9 @@ class ContactRows:
         return (len(self.reads) - 2) // 2
 
 
-def contact_rows(contacts: Contacts, W: Array, h: float, per_point: int, driven: Array) -> ContactRows:
+def contact_rows(contacts: Contacts, maps: Step, W: Array, per_point: int, driven: Array) -> ContactRows:
     """Return the rows of some contacts for the disturbances ``W`` (inputs, steps + 1) and the controls driven."""
-    n, none = len((contacts.slip or contacts.stops[0]).position), np.zeros(W.shape[1])
+    n, none, h = len(maps.Phi), np.zeros(W.shape[1]), maps.h
     slip, stops = contacts.slip, contacts.stops
     moved = [stop.offsets(W, h, per_point) for stop in stops]
     slipped = (none, none) if slip is None else slip.offsets(W, h, per_point)
@@ -76,11 +77,8 @@ def contact_rows(contacts: Contacts, W: Array, h: float, per_point: int, driven:
     whole = np.vstack([np.eye(n), reads])
     held, gain = (np.zeros(len(whole)), 1.0) if slip is None else (whole @ slip.held, slip.gain)
     offsets = np.column_stack([slipped[1], slipped[0], *(pair[0] for pair in moved), *(pair[1] for pair in moved)])
-    sliding = sticking = None
-    if contacts.stop_maps is not None:
-        pushed = whole @ contacts.stop_maps.states
-        sliding = _maps(pushed, n, contacts.stop_maps.limits)
-        sticking = _maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.stop_maps.limits)
+    moved_by = [*(maps.Phi @ stop.column for stop in stops), *(stop.held / h for stop in stops)]
+    pushed = whole @ np.array(moved_by).reshape(-1, n).T
     return ContactRows(
         reads=reads,
         offsets=offsets,
@@ -88,8 +86,8 @@ def contact_rows(contacts: Contacts, W: Array, h: float, per_point: int, driven:
         law=contacts.law,
         held=held,
         gain=gain,
-        sliding=sliding,
-        sticking=sticking,
+        sliding=_maps(pushed, n, contacts.limits),
+        sticking=_maps(pushed - np.outer(held, pushed[n]) / gain, n, contacts.limits),
     )
 
 
@@ -110,7 +108,7 @@ def contact_step(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
     if rows.law is not None:
         step = _friction(rows, float(row[-len(rows.reads)]), slip)
         end = row + step.force * rows.held
-    if rows.sliding is None or not (np.abs(_strokes(rows, end)) > rows.sliding.limits).any():
+    if not rows.stops or not (np.abs(_strokes(rows, end)) > rows.sliding.limits).any():
         return end, step, None
     if step is None:
         end, stops = _stopped(rows, rows.sliding, row)
@@ -123,9 +121,8 @@ def _strokes(rows: ContactRows, row: Array) -> Array:
     return row[first : first + rows.stops]
 
 
-def _stopped(rows: ContactRows, maps: StopMaps | None, row: Array) -> tuple[Array, StopStep | None]:
+def _stopped(rows: ContactRows, maps: StopMaps, row: Array) -> tuple[Array, StopStep | None]:
     """Return a row with what the stops do, and that."""
-    assert maps is not None
     stops = stop_step(maps, _strokes(rows, row), row[len(row) - rows.stops :])
     return (row, None) if stops is None else (row + maps.states @ stops.amounts, stops)
 
@@ -161,7 +158,7 @@ def _holding(rows: ContactRows, row: Array, slip: Slip) -> Outcome | None:
     except ArithmeticError:
         return None
     free = float(row[at])
-    if stops is not None and rows.sliding is not None:
+    if stops is not None:
         free += float(rows.sliding.states[at] @ stops.amounts)
     step = _friction(rows, free, slip)
     return (end, step, stops) if step.stuck else None
@@ -194,7 +191,7 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
         force = step.force if low + 0.1 * (high - low) < step.force < high - 0.1 * (high - low) else 0.5 * (low + high)
         end, step, stops = _under(rows, row, slip, force)
     speed = float(end[len(row) - len(rows.reads)])
-    return end, FrictionStep(force, speed, False, step.sliding, step.first), stops
+    return end, FrictionStep(force, speed, False, step.sliding), stops
 
 
 @dataclass(frozen=True)
@@ -239,26 +236,14 @@ class ContactLog:
 
 def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Array, ContactLog]:
     """Step a loop with contacts; return ``C`` times the modal states at the given times, and what contacts did."""
-    n, nu, per_sample, per_point = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.grid.per_point
-    rows = contact_rows(contacts, p.W, p.grid.h, per_point, np.asarray(p.controller.driven, dtype=int))
-    stepper, forcing = _row_maps(p, rows)
-    sample, kept = sampler(p, log), ContactLog.of(p.grid.steps)
-    X = np.zeros((len(p.grid.time), n))
-    X[0] = p.start
-    full = np.zeros(n + 2 * nu)
-    states, before, after, heard = full[:n], full[n : n + nu], full[n + nu :], full[: n + nu]
-    states[:] = p.start
-    old = np.concatenate([p.start, rows.reads @ p.start + rows.offsets[0]])
-    slip = _at_start(p, rows)
-    reach = np.zeros(0) if contacts.stop_maps is None else contacts.stop_maps.limits
-    strokes = slice(n + 2, n + 2 + rows.stops)
-    for k in range(p.grid.steps):
-        if k % per_sample == 0:
-            sample(k // per_sample, heard)
-        if k >= p.lag:
-            after[:] = log.given[(k - p.lag) // per_sample]
-        row = stepper @ full
-        row += forcing[k]
+    n, per_point = len(p.plant.A), p.grid.per_point
+    rows = contact_rows(contacts, p.maps, p.W, per_point, np.asarray(p.controller.driven, dtype=int))
+    kept = ContactLog.of(p.grid.steps)
+    old, slip = np.concatenate([p.start, rows.reads @ p.start + rows.offsets[0]]), _at_start(p, rows)
+    reach, strokes = contacts.limits, slice(n + 2, n + 2 + rows.stops)
+
+    def touched(k: int, row: Array) -> Array:
+        nonlocal old, slip
         if rows.law is not None or (np.abs(row[strokes]) > reach).any():
             row, step, stops = contact_step(rows, row, slip)
             if step is not None and rows.law is not None:
@@ -271,13 +256,9 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
                     if side:
                         kept.touched.append((i, int(side), k, impulse, speeds[i]))
         old = row
-        states[:] = row[:n]
-        before[:] = after
-        if (k + 1) % per_point == 0:
-            X[(k + 1) // per_point] = states
-    if p.grid.steps % per_sample == 0:
-        sample(p.grid.steps // per_sample, heard)
-    return p.plant.C @ X.T, kept
+        return row
+
+    return run_steps(p, log, *_row_maps(p, rows), touched)[:, ::per_point], kept
 
 
 def _row_maps(p: LoopProblem, rows: ContactRows) -> tuple[Array, Array]:

@@ -72,22 +72,22 @@ class StopMaps:
         Strokes of all of them, velocities of those that are not left at once; ``None`` if these depend on each other.
         Found once for each choice of stops.
         """
-        if (touched, leaving) not in self.answers:
-            self.answers[touched, leaving] = self._solved(list(touched), [i for i in touched if i not in leaving])
-        return self.answers[touched, leaving]
-
-    def _solved(self, rows: list[int], resting: list[int]) -> Array | None:
-        count = len(self.limits)
+        if (touched, leaving) in self.answers:
+            return self.answers[touched, leaving]
+        count, rows, resting = len(self.limits), list(touched), [i for i in touched if i not in leaving]
         columns = rows + [count + i for i in resting]
         matrix = np.vstack([self.position[np.ix_(rows, columns)], self.velocity[np.ix_(resting, columns)]])
         scale = np.concatenate([np.abs(self.position[rows, rows]), np.abs(self.velocity[resting, resting])])
         result = np.zeros((2 * count, len(columns)))
         try:
             result[columns] = np.linalg.inv(matrix / scale[:, None]) / scale
+            sizes = (
+                np.abs(matrix / scale[:, None]).sum(axis=1).max() * np.abs(result[columns] * scale).sum(axis=1).max()
+            )
         except np.linalg.LinAlgError:
-            return None
-        sizes = np.abs(matrix / scale[:, None]).sum(axis=1).max() * np.abs(result[columns] * scale).sum(axis=1).max()
-        return result if sizes < _DEPENDENT else None
+            sizes = np.inf
+        self.answers[touched, leaving] = result if sizes < _DEPENDENT else None
+        return self.answers[touched, leaving]
 
 
 @dataclass(frozen=True)

@@ -46,33 +46,20 @@ class RubbingMachine:
     """
 
     machine: Machine
-    friction: float = 0.0
-    creep: float = 1.0
+    friction: float
+    creep: float
 
     def _forced_modes(self, sensors: Sequence[Any]) -> MachineModes:
         """Return its equations, sensors among the outputs."""
-        return rubbing(self.machine._forced_modes(sensors), self.friction, self.creep)
+        import casadi as ca
 
-
-def rubbing(modes: MachineModes, friction: float, creep: float) -> MachineModes:
-    """Return equations with friction on the hub.
-
-    Parameters
-    ----------
-    modes : MachineModes
-    friction : float
-        Torque [N m].
-    creep : float
-        rad/s.
-    """
-    import casadi as ca
-
-    z, u = ca.SX.sym("z", len(modes.from_state)), ca.SX.sym("u", len(modes.input_labels))
-    hub_speed = modes.read(z, u)[0][modes.output_labels.index("hub_speed")]
-    acting = ca.SX(u)
-    acting[modes.input_labels.index("disturbance_torque")] -= friction * ca.tanh(hub_speed / creep)
-    return replace(
-        modes,
-        rest=ca.Function("rest", [z, u], [modes.rest(z, acting)]),
-        read=ca.Function("read", [z, u], list(modes.read.call([z, acting]))),
-    )
+        modes = self.machine._forced_modes(sensors)
+        z, u = ca.SX.sym("z", len(modes.from_state)), ca.SX.sym("u", len(modes.input_labels))
+        hub_speed = modes.read(z, u)[0][modes.output_labels.index("hub_speed")]
+        acting = ca.SX(u)
+        acting[modes.input_labels.index("disturbance_torque")] -= self.friction * ca.tanh(hub_speed / self.creep)
+        return replace(
+            modes,
+            rest=ca.Function("rest", [z, u], [modes.rest(z, acting)]),
+            read=ca.Function("read", [z, u], list(modes.read.call([z, acting]))),
+        )

@@ -79,15 +79,6 @@ class MachineLoop(SampledRun):
         return (self.switch, self.grid.h - self.switch) if self.switch else (self.grid.h,)
 
 
-@dataclass(frozen=True, eq=False)
-class MachineRun:
-    """A motion at all steps of the grid, (2 m, steps + 1), its log, and the error [m] of what is judged."""
-
-    states: Array
-    log: ControlLog
-    error: float
-
-
 def moved_by(push: Array) -> Array:
     """Return which modes inputs move, by what they do to each."""
     # share of the largest push below which an input does not move a mode
@@ -101,8 +92,10 @@ def steps_for(machine: MachineModes, length: float) -> int:
     return max(1, int(np.ceil(length * pace)))
 
 
-def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
+def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, ControlLog, float]:
     """Return the motion whose judged displacements are exact to ``atol + rtol max |displacement|`` [m].
+
+    It is that at all steps of the grid, (2 m, steps + 1), with its log, and the error of what is judged [m].
 
     Raises
     ------
@@ -128,7 +121,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> MachineRun:
         apart = np.abs(here - there).max(axis=1)
         wanted = atol + rtol * np.abs(here).max(axis=1)
         if (apart <= wanted).all():
-            return MachineRun(second[0], second[1], float(apart.max()))
+            return *second, float(apart.max())
         nearer = apart.max() < best
         failures += 0 if nearer else 1
         rounding = bool((apart <= _ROUNDING * np.abs(here).max(axis=1)).all())
@@ -177,11 +170,11 @@ def loop_step(p: MachineLoop, counts: tuple[int, ...]) -> tuple[casadi.Function,
     s, w = symbol("s", p.size), symbol("w", beside.rows)
     z, acting = s[:nz], s[nz : nz + nu]
     after, asked, given, marks = sample(s, w)
-    kept = after if ps == 1 else ca.if_else(w[beside.sampled], after, s)
+    kept = after if ps == 1 else ca.if_else(w[beside["sampled"]], after, s)
     held = kept[nz + nu : nz + (queue + 1) * nu]
-    arriving = held[late * nu :] if queue > 1 or not late else w[beside.arriving]
-    acting_then = arriving if ps == 1 else ca.if_else(w[beside.arrives], arriving, acting)
-    moved = advance(z, acting, acting_then, w[beside.first], w[beside.last])
+    arriving = held[late * nu :] if queue > 1 or not late else w[beside["arriving"]]
+    acting_then = arriving if ps == 1 else ca.if_else(w[beside["arrives"]], arriving, acting)
+    moved = advance(z, acting, acting_then, w[beside["first"]], w[beside["last"]])
     return ca.Function("unit", [s, w], [ca.vertcat(moved, acting_then, kept[nz + nu :]), asked, given, marks]), sample
 
 
@@ -201,7 +194,7 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
         end = min(k + block, steps)
         here[:, : end - k] = signals[:, k:end]
         if queue == 1 and late:
-            here[beside.arriving, : end - k] = log.acting(np.arange(k, end), p.lag, ps).T
+            here[beside["arriving"], : end - k] = log.acting(np.arange(k, end), p.lag, ps).T
         moved, *taken = run(state, here)
         state = moved[:, end - k - 1]
         if not np.isfinite(state).all():
@@ -243,34 +236,28 @@ class StepSignals:
         self.changing = None if laws is None or laws.place is not None else laws
         changing = (0, 0) if self.changing is None else (self.changing.law[0].size, self.changing.correction[0].size)
         sizes |= {"sampled": 1, "arrives": 1, "law": changing[0], "correction": changing[1]}
-        self.rows = 0
-        places = {}
-        for name, size in sizes.items():
-            places[name] = slice(self.rows, self.rows + size)
-            self.rows += size
-        self.first, self.last, self.noise, self.reference, self.forward, self.arriving = list(places.values())[:6]
-        self.sampled, self.arrives, self.law, self.correction = list(places.values())[6:]
+        ends = np.cumsum([0, *sizes.values()]).tolist()
+        self.rows, self.places = ends[-1], dict(zip(sizes, map(slice, ends, ends[1:]), strict=False))
+
+    def __getitem__(self, name: str) -> slice:
+        """Return the rows of a signal."""
+        return self.places[name]
 
     def signals(self, at_end: bool = False) -> Array:
         """Return them for all steps, (rows, steps), or for the sample at the last time, (rows,)."""
         p, ps, added = self.p, self.p.grid.per_sample, self.p.added
         steps = np.array([p.grid.steps]) if at_end else np.arange(p.grid.steps)
         result, W = np.zeros((self.rows, len(steps))), p.W[p.disturbed]
-        result[self.first] = W[:, steps]
+        result[self["first"]] = W[:, steps]
         if not at_end:
-            result[self.last] = W[:, steps + 1]
-        for place, rows in (
-            (self.noise, added.noise),
-            (self.reference, added.reference),
-            (self.forward, added.feedforward),
-        ):
-            if rows is not None:
-                result[place] = rows[np.minimum(steps // ps, len(rows) - 1)].T
+            result[self["last"]] = W[:, steps + 1]
+        sampled = {"noise": added.noise, "reference": added.reference, "forward": added.feedforward}
         if self.changing is not None:
-            here = np.minimum(steps // ps, len(self.changing.law) - 1)
-            result[self.law] = self.changing.law[here].reshape(len(here), -1).T
-            result[self.correction] = self.changing.correction[here].reshape(len(here), -1).T
-        result[self.sampled], result[self.arrives] = steps % ps == 0, (steps - p.lag) % ps == 0
+            sampled |= {"law": self.changing.law, "correction": self.changing.correction}
+        for name, rows in sampled.items():
+            if rows is not None:
+                result[self[name]] = rows[np.minimum(steps // ps, len(rows) - 1)].reshape(len(steps), -1).T
+        result[self["sampled"]], result[self["arrives"]] = steps % ps == 0, (steps - p.lag) % ps == 0
         return result[:, 0] if at_end else result
 
 
@@ -294,16 +281,16 @@ def _sample(p: MachineLoop, queue: int) -> casadi.Function:
     s, w = ca.SX.sym("s", nz + nu + queue * nu + len(c.A)), ca.SX.sym("w", beside.rows)
     z, acting, last = s[:nz], s[nz : nz + nu], s[nz + nu : nz + 2 * nu]
     state = s[nz + (queue + 1) * nu :]
-    y = p.machine.read(z, inputs_of(p.machine, p.acts, acting, w[beside.first]))[0][c.measured.tolist()]
-    y = y if p.added.noise is None else y + w[beside.noise]
+    y = p.machine.read(z, inputs_of(p.machine, p.acts, acting, w[beside["first"]]))[0][c.measured.tolist()]
+    y = y if p.added.noise is None else y + w[beside["noise"]]
     for k, quantum in enumerate(limits.quantum):
         if np.isfinite(quantum):
             count = y[k] / quantum
             y[k] = quantum * (count - ca.remainder(count, 1.0))
     law, correction = _laws(c, y, w, beside)
-    y = y if p.added.reference is None else y - w[beside.reference]
+    y = y if p.added.reference is None else y - w[beside["reference"]]
     asked, following = ca.vertsplit(ca.mtimes(law, ca.vertcat(y, state)), [0, nu, nu + len(c.A)])
-    asked = asked if p.added.feedforward is None else asked + w[beside.forward]
+    asked = asked if p.added.feedforward is None else asked + w[beside["forward"]]
     given, marks = [], [[], []]
     for k in range(nu):
         force, rate, allowed = float(limits.force[k]), float(limits.rate[k]), asked[k]
@@ -335,7 +322,7 @@ def _laws(c: SampledController, y: casadi.SX, w: casadi.SX, beside: StepSignals)
     if c.laws is None:
         return sparse(blocks([[c.D, c.C], [c.B, c.A]])), sparse(c.L) if c.L.any() else None
     laws, result = c.laws, []
-    for item, given in ((laws.law, beside.law), (laws.correction, beside.correction)):
+    for item, given in ((laws.law, beside["law"]), (laws.correction, beside["correction"])):
         _, rows, columns = item.shape
         if laws.place is None:
             result.append(ca.reshape(w[given], columns, rows).T)
@@ -421,33 +408,27 @@ class Buffered:
     """
 
     def __init__(self, function: casadi.Function) -> None:
-        places = range(function.n_in()), range(function.n_out())
-        assert all(function.sparsity_in(i).is_dense() for i in places[0])
+        import casadi as ca
+
+        given = [ca.MX.sym(f"given{i}", *function.size_in(i)) for i in range(function.n_in())]
+        full = ca.Function("full", given, [ca.densify(item) for item in function.call(given)])
         # to be kept as long as this: what runs the function points to it.  Its stub knows of no memory that Python shares
         self._buffer: Any = None
-        self._buffer, self._run = function.buffer()
+        self._buffer, self._run = full.buffer()
         # matrices lie column by column: their transposes are what NumPy lays out row by row
-        self._given = [np.empty(function.size_in(i)[::-1]) for i in places[0]]
-        self._found = [np.empty(function.nnz_out(i)) for i in places[1]]
-        self._shapes = [function.size_out(i) for i in places[1]]
-        self._filled = [np.array(function.sparsity_out(i).find(), dtype=int) for i in places[1]]
+        self._given = [np.empty(full.size_in(i)[::-1]) for i in range(full.n_in())]
+        self._found = [np.empty(full.size_out(i)[::-1]) for i in range(full.n_out())]
         for i, array in enumerate(self._given):
             self._buffer.set_arg(i, array.reshape(-1).data)
         for i, array in enumerate(self._found):
-            self._buffer.set_res(i, array.data)
+            self._buffer.set_res(i, array.reshape(-1).data)
 
     def __call__(self, *given: Array) -> list[Array]:
         """Return the matrices that the function returns, (rows, columns); vectors are taken as columns."""
         for here, item in zip(self._given, given, strict=True):
             here[...] = np.reshape(item, here.shape[::-1]).T
         self._run()
-        results = []
-        for array, (rows, columns), filled in zip(self._found, self._shapes, self._filled, strict=True):
-            full = array.copy() if len(array) == rows * columns else np.zeros(rows * columns)
-            if len(array) < len(full):
-                full[filled] = array
-            results.append(full.reshape(columns, rows).T)
-        return results
+        return [array.copy().T for array in self._found]
 
 
 def at_columns(function: casadi.Function, *given: Array) -> list[Array]:

@@ -1,0 +1,122 @@
+"""A motion that is asked for, and the first steps in which it is looked for."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
+
+import numpy as np
+
+from boomctl.arrays import Array
+from boomctl.exceptions import SimulationError
+from boomctl.maneuvers import HubProfile, Maneuver, PrescribedMotion, Torque, TorqueDriven
+from boomctl.rotating_beam.drive import resolving
+from boomctl.rotating_beam.modal.equations import Equations
+from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
+from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps
+from boomctl.rotating_beam.motion.steady_rotation import SteadyRotation, steady_rotation
+
+_WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
+_CAUTION = 2.0  # times the difference of two levels of steps, the error where a user's function has a kink (measured)
+_LONGEST = 3e5  # radians of the slowest mode that a motion may last: half a minute and some gigabytes (measured)
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A motion that is asked for.
+
+    Attributes
+    ----------
+    equations : Equations
+    maneuver : PrescribedMotion or TorqueDriven
+    timepts : ndarray, k
+        Instants, s.
+    start : pair of ndarray, N
+        Coordinates and rates of hub and beam at t = 0.
+    rtol, atol : float
+        The error of the free end's displacement, and that of the hub angle times the radius, is kept below
+        ``atol + rtol max |displacement|``, m.
+    length : float
+        Of the beam, m.
+    radius : float
+        Distance of the free end from the axis, m.
+    """
+
+    equations: Equations
+    maneuver: Maneuver
+    timepts: Array
+    start: tuple[Array, Array]
+    rtol: float
+    atol: float
+    length: float
+    radius: float
+
+    @property
+    def end(self) -> float:
+        """The last instant, s."""
+        return float(self.timepts[-1])
+
+    @property
+    def beam(self) -> tuple[Array, Array]:
+        """Coordinates and rates of the beam at t = 0."""
+        return self.start[0][1:], self.start[1][1:]
+
+    @property
+    def tip_rows(self) -> Array:
+        """Displacements of the free end over the beam's coordinates, with one common largest value, 2 x (N - 1)."""
+        return np.array([self.equations.tip.transverse, self.equations.tip.axial])
+
+    @cached_property
+    def problem(self) -> Problem:
+        """What is to be solved."""
+        if isinstance(self.maneuver, PrescribedMotion):
+            return PrescribedProblem(self.equations, self.maneuver)
+        return TorqueDrivenProblem(self.equations, self.maneuver)
+
+    @cached_property
+    def steady(self) -> SteadyRotation | None:
+        """The motion's closed form once the hub speed is constant; None if it never is, or there is none."""
+        maneuver, terms = self.maneuver, self.equations.beam_speed_terms
+        if terms is None or isinstance(maneuver, TorqueDriven) or maneuver.steady_from >= self.end > 0.0:
+            return None
+        return steady_rotation(terms, maneuver)
+
+    @cached_property
+    def watched(self) -> Array:
+        """The instants asked for, and enough others that no swing of the lowest mode passes unseen, from 0 on."""
+        timepts = self.timepts
+        gap = 2.0 * np.pi / self.equations.frequency_range[0] / _WATCHED
+        if max(timepts[0], (timepts[1:] - timepts[:-1]).max(initial=0.0)) <= gap:
+            return timepts
+        return np.union1d(timepts, np.linspace(0.0, self.end, int(np.ceil(self.end / gap)) + 1))
+
+    @property
+    def given(self) -> bool:
+        """Whether the maneuver is made of a user's functions, which may be less smooth than they say."""
+        return isinstance(self.maneuver, HubProfile | Torque)
+
+    @property
+    def caution(self) -> float:
+        """Times the difference of two levels of steps that the error of a motion may be."""
+        return _CAUTION if self.given else 1.0
+
+    def accuracy(self, rows: tuple[Array, ...]) -> Accuracy:
+        """Accuracy that two levels of steps have to agree to."""
+        return Accuracy(self.rtol / self.caution, self.atol / self.caution, rows)
+
+    def first_steps(self, end: float, *, graded: bool) -> Array:
+        """Ends of the first steps, to an instant [s]: see :func:`first_steps`; short where a user's function jumps.
+
+        Raises
+        ------
+        SimulationError
+            The motion is far too long.
+        """
+        slowest = self.equations.frequency_range[0]
+        if end * slowest > _LONGEST:
+            raise SimulationError(
+                f"the motion until t = {end:g} s is {end * slowest:.2g} radians of the slowest mode; expected at most "
+                f"{_LONGEST:g}, which is about {_LONGEST / slowest:.2g} s here"
+            )
+        edges = first_steps(self.equations, self.maneuver.breakpoints, end, rtol=self.rtol, graded=graded)
+        return resolving(edges, self.problem.drive) if self.given else edges

@@ -1,0 +1,185 @@
+"""A motion between the nodes of its steps: a polynomial and a free vibration of each mode on every one."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple, final
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from boomctl.arrays import Array
+from boomctl.gauss import gauss_method
+from boomctl.rotating_beam.modal.equations import FreeHubForm
+from boomctl.rotating_beam.motion.free_modes import FreeModes
+from boomctl.rotating_beam.motion.oscillators import coordinates, free_mass, responses, turning
+
+SMOOTH = 1.0  # phase in a step up to which a motion from rest is a polynomial: to 5e-13 with 8 nodes
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class Vibrations:
+    """Vibrations of n modes through w windows, one after another, of m equal steps with s nodes.
+
+    Attributes
+    ----------
+    begin, h : ndarray, w
+        Beginning of each window and length of its steps, s.
+    rates : complex ndarray, w x n
+        Of the oscillators, 1/s.
+    shapes : ndarray, w x n x n
+        ``x = shapes z``.
+    force : ndarray, w x n x m x s
+        Modal forces at the nodes.
+    starts : complex ndarray, w x n x m
+        Modal states at the beginnings of the steps.
+    answers : complex ndarray, w x n x (s + 2) x s
+        What Legendre terms of the forces do: see `responses`.
+    """
+
+    begin: Array
+    h: Array
+    rates: Array
+    shapes: Array
+    force: Array
+    starts: Array
+    answers: Array
+
+    def displacement(self, row: Array, timepts: Array) -> Array:
+        """``row x`` at instants, k."""
+        weights = row @ self.shapes / self.rates.imag
+        window, step, elapsed, place = self.placed(timepts)
+        polynomials = np.einsum("wn,wnmj->wmj", weights, self._polynomials.imag)
+        result: Array = legendre.legval(place, polynomials[window, step].T, tensor=False)
+        rates, at = self.rates[window], (window, slice(None), step)
+        size, angle = (np.abs(self.waves) * weights[..., None])[at], rates.imag * elapsed[:, None]
+        angle += np.angle(self.waves)[at]
+        if self.rates.real.any():
+            size *= np.exp(rates.real * elapsed[:, None])
+        result += np.einsum("kn,kn->k", np.sin(angle, out=angle), size)
+        return result
+
+    def at(self, timepts: Array) -> tuple[Array, Array, Array]:
+        """Modal coordinates and rates at instants, and of these the part of the free vibrations, k x n each."""
+        window, step, elapsed, place = self.placed(timepts)
+        rates = self.rates[window]
+        vibrating = self.waves[window, :, step] * turning(rates, elapsed[:, None])[..., 0]
+        u = (
+            legendre.legval(place[:, None], self._polynomials[window, :, step].transpose(2, 0, 1), tensor=False)
+            + vibrating
+        )
+        return *coordinates(rates, u), coordinates(rates, vibrating)[1]
+
+    def placed(self, timepts: Array) -> tuple[Array, Array, Array, Array]:
+        """Window and step in which each instant lies, the time since its step began, and the place in it, from -1 to 1."""
+        window = np.maximum(np.searchsorted(self.begin, timepts, side="right") - 1, 0)
+        h, since = self.h[window], timepts - self.begin[window]
+        step = np.clip((since / h).astype(int), 0, self.force.shape[2] - 1)
+        elapsed = since - step * h
+        return window, step, elapsed, 2.0 * elapsed / h - 1.0
+
+    @cached_property
+    def _by_force(self) -> Array:
+        """Motion by the forces alone, as ``u`` at start, nodes and end of each step, w x n x m x (s + 2)."""
+        return self.force @ gauss_method(self.force.shape[3]).terms.T @ self.answers.swapaxes(2, 3)
+
+    @cached_property
+    def _polynomials(self) -> Array:
+        """Legendre coefficients of that, w x n x m x (s + 2)."""
+        return self._by_force @ gauss_method(self.force.shape[3]).coefficients.T
+
+    @cached_property
+    def waves(self) -> Array:
+        """Free vibrations at the beginning of each step, as ``u``, w x n x m."""
+        return self.starts - self._by_force[..., 0]
+
+
+class Piece(NamedTuple):
+    """Motion through a window, the hub free.
+
+    Attributes
+    ----------
+    begin, h : float
+        Beginning and length of a step, s.
+    modes : FreeModes
+    fast : ndarray of bool, n
+        Whose vibrations the forces do not know of.
+    force : ndarray, (1 + n) x m x s
+        Modal forces at the nodes.
+    states : complex ndarray, (1 + n) x (m + 1)
+        Modal states at the ends of the steps.
+    """
+
+    begin: float
+    h: float
+    modes: FreeModes
+    fast: Array
+    force: Array
+    states: Array
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class FreeTrajectory:
+    """Motion of hub and beam through windows, one after another.
+
+    Attributes
+    ----------
+    form : FreeHubForm
+    pieces : sequence of Piece
+    """
+
+    form: FreeHubForm
+    pieces: tuple[Piece, ...]
+
+    @property
+    def steps(self) -> int:
+        """Number of steps."""
+        return sum(piece.force.shape[1] for piece in self.pieces)
+
+    def displacement(self, row: Array, timepts: Array) -> Array:
+        """``row q`` at instants, k."""
+        return self._vibrations.displacement(row @ self.form.to_q, timepts)
+
+    def __call__(self, timepts: Array) -> tuple[Array, Array]:
+        """Coordinates and rates of hub and beam at instants, k x N each."""
+        window, step, elapsed, place = self._vibrations.placed(timepts)
+        x, rate, turned = self._vibrations.at(timepts)
+        start: Array = np.stack([piece.states[0, :-1] for piece in self.pieces])[window, step]
+        force = np.stack([piece.force[0] for piece in self.pieces])[window, step]
+        h, stages = self._vibrations.h[window], force.shape[1]
+        terms = force @ (gauss_method(stages).coefficients @ free_mass(1.0, stages)).T
+        by_force = legendre.legval(place, terms.T, tensor=False)
+        r = start.imag + elapsed * start.real + h * h * by_force.imag
+        z, z_rate = np.column_stack([r, x]), np.column_stack([start.real + h * by_force.real, rate])
+        z_rate += self._carried(window, z, turned)
+        return self._physical(z, window), self._physical(z_rate, window)
+
+    def _carried(self, window: Array, z: Array, turned: Array) -> Array:
+        """Rates by which hub and slow modes are moved to and fro by the vibrations that the forces do not know of."""
+        result = np.zeros_like(z)
+        for index, piece in enumerate(self.pieces):
+            within = np.flatnonzero(window == index)
+            if within.size and piece.fast.any():
+                begun = np.where(piece.fast, turned[within], 0.0).T
+                result[within] = -piece.modes.impulses(z[within].T, begun).T
+        return result
+
+    def _physical(self, z: Array, window: Array) -> Array:
+        x = np.einsum("kij,kj->ki", self._vibrations.shapes[window], z[:, 1:])
+        theta = z[:, 0] / np.sqrt(self.form.inertia) + x @ self.form.lean
+        return np.column_stack([theta, x @ self.form.to_q.T])
+
+    @cached_property
+    def _vibrations(self) -> Vibrations:
+        begin, h, modes, _, force, states = zip(*self.pieces, strict=True)
+        rates = np.stack([item.rates[1:] for item in modes])
+        return Vibrations(
+            begin=np.array(begin),
+            h=np.array(h),
+            rates=rates,
+            shapes=np.stack([item.shapes for item in modes]),
+            force=np.stack(force)[:, 1:],
+            starts=np.stack(states)[:, 1:, :-1],
+            answers=responses(rates, np.array(h), force[0].shape[2], SMOOTH),
+        )
