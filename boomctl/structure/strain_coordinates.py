@@ -76,6 +76,11 @@ class StrainForm:
             L[0, reads] = ports.tensions[reads] @ self.forces
         return B, L
 
+    def in_modes(self, ports: Ports) -> tuple[Array, Array]:
+        """Return the matrices ``B`` and ``L`` of inputs and outputs over undamped modes."""
+        (B, L), own = self.seen(ports), self.own_modes[1]
+        return own.T @ B, L @ own
+
     def modes(self) -> tuple[Array, Array]:
         """Return undamped frequencies [rad/s], ascending, and mass-normalized shapes over the old coordinates.
 
@@ -212,4 +217,5 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     damped[:, n - free :] = 0.0
     forces = np.zeros_like(R)
     forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
-    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)
+    N = np.linalg.qr(inertia @ V, mode="r")
+    return StrainForm(V, N, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)

@@ -22,7 +22,7 @@ from boomctl.structure import (
     planar,
     revolute,
 )
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.poles import damped_poles
 from tests.profiles import examples
 from tests.strategies import seeds

@@ -32,7 +32,7 @@ from boomctl.structure import (
     split_symmetric,
 )
 from boomctl.structure.beams.eigenvalues import damped_eigenvalues
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from tests import handed_out as one
 from tests.strategies import random_stepped_beam
 

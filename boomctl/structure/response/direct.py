@@ -21,7 +21,7 @@ from boomctl.exceptions import AccuracyWarning
 from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
 from boomctl.structure.matrices import Structure, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.modes import respond_by_modes
+from boomctl.structure.response.by_modes import respond_by_modes
 
 _MODES_FROM = 1500  # Frequencies times coordinates; for fewer, dense solutions are faster.
 _ENTRIES = 10_000_000  # Of the matrices of all frequencies that are solved together: 0.3 GB.

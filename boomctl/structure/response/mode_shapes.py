@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import whole
 from boomctl.printing import listed
 from boomctl.structure.matrices import Structure
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 
 _KINDS = {1: "jolt", -1: "yaw", 0: ""}  # of symmetric and antisymmetric motion, and of others
 

@@ -9,7 +9,7 @@ from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
-from boomctl.structure.response.modal_form import GRADED, undamped_modes
+from boomctl.structure.response.modes import GRADED, undamped_modes
 
 _WHOLE = 100  # Coordinates up to which all poles are computed, so that none depends on how many are requested.
 # Least imaginary part of an oscillatory pole, relative: overdamped motions, of which many are nearly equal, leave the real
