@@ -100,14 +100,6 @@ class Family:
         often = [[power.count(i) for i in range(self.nparameters)] for power, _ in self.coefficients]
         return np.array(often).reshape(len(often), self.nparameters)
 
-    @cached_property
-    def _acting(self) -> list[list[tuple[int, Array]]]:
-        """Of each matrix the terms that change it, and by what."""
-        changes = [
-            [(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self.coefficients)] for letter in "MCKBL"
-        ]
-        return [[(i, X) for i, X in item if abs(X).sum()] for item in changes]
-
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Least and largest value of each parameter."""
@@ -179,9 +171,10 @@ class Family:
             Not as many numbers as parameters, or not finite.
         """
         c, shares = self.nominal, shares_of(self, self._delta(delta)).tolist()
+        terms = [term for term in zip(shares, self.coefficients, strict=True) if term[0]]
         M, C, K, B, L = (
-            np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
-            for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
+            getattr(middle, letter) + sum(share * getattr(slope, letter) for share, (_, slope) in terms)
+            for letter, middle in zip("MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
         structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror)
         structure = replace(structure, outline=c.structure.outline)
