@@ -120,24 +120,19 @@ class StrainForm:
         return np.concatenate([still, (beta / alpha)[alpha != 0.0]])
 
 
-def _spread(S: Array) -> tuple[Array, Array]:
-    """Return the rows that are not zero at size one, and their singular values."""
+def _spread(S: Array) -> Array:
+    """Return the singular values of the rows that are not zero, each at size one."""
     size = np.linalg.norm(S, axis=1)
-    unit = S[size > 0.0] / size[size > 0.0][:, None]
-    return unit, np.linalg.svd(unit, compute_uv=False)
-
-
-def _motions(unit: Array) -> Array:
-    """Return all right singular vectors of such rows, as columns."""
-    return np.linalg.svd(unit, full_matrices=len(unit) < unit.shape[1])[2].T
+    return np.linalg.svd(S[size > 0.0] / size[size > 0.0][:, None], compute_uv=False)
 
 
 def parted(lines: Array) -> tuple[Array, int]:
     """Return an orthogonal combination of motions that lines read, and how many, the last ones, they do not see."""
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
-    unit, spread = _spread(lines)
-    return _motions(unit), lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
+    size = np.linalg.norm(lines, axis=1)
+    _, spread, motions = np.linalg.svd(lines[size > 0.0] / size[size > 0.0][:, None])
+    return motions.T, lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
 
 
 def _even(rows: Array) -> Array:
@@ -180,19 +175,19 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     """
     n, given = S.shape[1], S
     S = given * column
-    unit, spread = _spread(S)
-    if spread[min(unit.shape) - 1] < _CLEAR:
+    spread = _spread(S)
+    if spread[-1] < _CLEAR:
         column = _even(rows)
         S = given * column
-        unit, spread = _spread(S)
+        spread = _spread(S)
     r = int((spread > SUMMED * spread[0]).sum())
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
     T, places, tau, _, _ = lapack.dgeqp3(S[order])
     V, Q = np.zeros((n, n)), np.zeros_like(S)
     Q[:, :r] = lapack.dorgqr(T[:, : len(tau)], tau)[0][:, :r]
     V[places[:r] - 1, :r] = blas.dtrsm(1.0, T[:r, :r], np.eye(r))
-    if r < n:
-        V[:, r:] = _motions(unit)[:, r:]
+    V[places[:r] - 1, r:] = -V[places[:r] - 1, :r] @ T[:r, r:]
+    V[places[r:] - 1, r:] = np.eye(n - r)
     V *= column[:, None]
     return V, Q, order, r
 
