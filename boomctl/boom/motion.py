@@ -371,20 +371,17 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
 
 def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:
     """Return the distance of the actuators [m] that was given, or that the comments of a file state."""
-    stated = [(line, text) for line, text in comments if _MEANT.match(text)]
-    if not stated:
-        return _DISTANCE if given is None else given
-    line, text = stated[-1]
-    match = _COMMENT.fullmatch(text)
-    if len(stated) > 1 or match is None or not float(match[1]) > 0.0:
-        raise ValueError(f"{path}, line {line}: expected one '# {_STATED} = ...', above zero, got {text[:50]!r}")
-    distance = float(match[1])
-    if given not in (None, distance):
-        raise ValueError(
-            f"actuator_distance = {exactly(given)}: expected {exactly(distance)} m, as line {line} of {path} says, or"
-            " leave it out"
-        )
-    return distance
+    stated = [(line, text, _COMMENT.fullmatch(text)) for line, text in comments if _MEANT.match(text)]
+    for line, text, match in stated[-1:]:
+        if len(stated) > 1 or match is None or not float(match[1]) > 0.0:
+            raise ValueError(f"{path}, line {line}: expected one '# {_STATED} = ...', above zero, got {text[:50]!r}")
+        if given not in (None, float(match[1])):
+            raise ValueError(
+                f"actuator_distance = {exactly(given)}: expected {match[1]} m, as line {line} of {path} says, or"
+                " leave it out"
+            )
+        given = float(match[1])
+    return _DISTANCE if given is None else given
 
 
 def write_motion(path: str | Path, motion: PlatformMotion) -> None:
