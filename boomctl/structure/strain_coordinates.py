@@ -57,10 +57,10 @@ class StrainForm:
         """Number of coordinates that are not rigid motions."""
         return len(self.V) - self.rigid
 
-    @property
-    def K(self) -> Array:
-        """Stiffness."""
-        return np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
+    @cached_property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, damping and stiffness matrix over these coordinates."""
+        return self.N.T @ self.N, self.C, np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
 
     def seen(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
@@ -110,13 +110,13 @@ class StrainForm:
         They are the inverse of the eigenvalues of ``1/s``.
         """
         r, n = self.strains, len(self.V) - self.free
-        M, C = (self.N.T @ self.N)[:n, :n], self.C[:n, :n]
+        M, C, K = (matrix[:n, :n] for matrix in self.matrices)
         still = np.zeros(2 * self.free)
         companion = blocks([[np.zeros((n, n)), np.eye(n)], [-M, -C]])
         if n == r:
             slowness = linalg.eigvals(companion)
             return np.concatenate([still, 1.0 / slowness[slowness != 0.0]])
-        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), self.K[:n, :n]), homogeneous_eigvals=True)
+        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), K), homogeneous_eigvals=True)
         return np.concatenate([still, (beta / alpha)[alpha != 0.0]])
 
 

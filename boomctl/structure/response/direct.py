@@ -17,7 +17,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import EPS, SOLVED, VISIBLE, warn_of_rounding
-from boomctl.structure.matrices import Structure, halves
+from boomctl.structure.matrices import Structure, dynamic_stiffness, halves
 from boomctl.structure.ports import Ports, evaluate
 from boomctl.structure.response.by_modes import respond_by_modes
 
@@ -45,9 +45,8 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
     if parts is None:
         return respond_whole(structure, ports, omega)
     total = np.zeros((p, m, len(omega)), dtype=complex)
-    for part in parts:
-        values = respond_whole(part.structure, part.ports, omega)
-        total += part.W_in[:m] @ np.tensordot(part.W_out[:p], values, 1)
+    for part, signals, W_in, W_out in parts:
+        total += W_in[:m] @ np.tensordot(W_out[:p], respond_whole(part, signals, omega), 1)
     return total
 
 
@@ -79,12 +78,13 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     ValueError
         The structure has an undamped resonance exactly at one of the frequencies.
     """
-    s, form, B, L, moving = 1j * omega, structure.strain_form, ports.B, ports.L, structure
+    s, form, B, L = 1j * omega, structure.strain_form, ports.B, ports.L
+    matrices = structure.matrices if form is None else form.matrices
     if form is not None:
-        moving, (B, L) = structure.in_strains, form.seen(ports)
+        B, L = form.seen(ports)
     pieces = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
     try:
-        X = np.concatenate([np.linalg.solve(moving.at(part), evaluate(B, part)) for part in pieces])
+        X = np.concatenate([np.linalg.solve(dynamic_stiffness(matrices, part), evaluate(B, part)) for part in pieces])
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
@@ -100,7 +100,8 @@ def _warn_of_rounding(structure: Structure, ports: Ports, s: Array, X: Array, Y:
 
     A soft spring next to a stiff one is rounded in a stiffness matrix; so are forces that nearly cancel.
     """
-    reading = np.abs(np.linalg.solve(structure.at(s).transpose(0, 2, 1), evaluate(ports.L, s).transpose(0, 2, 1)))
+    D, lines = dynamic_stiffness(structure.matrices, s), evaluate(ports.L, s)
+    reading = np.abs(np.linalg.solve(D.transpose(0, 2, 1), lines.transpose(0, 2, 1)))
     pushed, read = (evaluate(np.abs(terms), np.abs(s)).real for terms in (ports.B, ports.L))
     acting = pushed + np.abs(structure.K.diagonal())[:, None] * np.abs(X)
     moved = EPS * (reading.transpose(0, 2, 1) @ acting + read @ np.abs(X)).max(axis=1, initial=0.0)
