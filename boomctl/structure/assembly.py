@@ -8,7 +8,7 @@ weights alone share one mechanism, found once.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import hypot
@@ -79,17 +79,12 @@ class Assembly:
     cut_joints: tuple[CutJoint, ...] = ()
 
     def __post_init__(self) -> None:
-        kinds = {
-            "bodies": (RigidBody, Beam),
-            "springs": SpringDamper,
-            "forces": Force,
-            "outputs": Output,
-            "cut_joints": CutJoint,
-        }
-        for name, kind in kinds.items():
-            object.__setattr__(self, name, sequence(name, getattr(self, name), "parts"))
-            for part in getattr(self, name):
-                instance(name, part, kind)
+        kinds = (RigidBody, Beam), SpringDamper, Force, Output, CutJoint
+        for field_, kind in zip(fields(self), kinds, strict=True):
+            parts = sequence(field_.name, getattr(self, field_.name), "parts")
+            object.__setattr__(self, field_.name, parts)
+            for part in parts:
+                instance(field_.name, part, kind)
         for what, items in (("body", self.bodies), ("force", self.forces), ("output", self.outputs)):
             names = [item.name for item in items]
             for name in names:

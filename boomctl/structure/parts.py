@@ -656,18 +656,16 @@ class Beam:
             raise ValueError(f"beam {name!r}: expected at least one segment")
         if not callable(getattr(discretization, "mesh", None)):
             raise TypeError(f"discretization {of} = {shown(discretization)}: expected FiniteElements or another one")
-        values = {
-            "name": name,
-            "parent": instance(f"parent {of}", parent, Point),
-            "joint": instance(f"joint {of}", joint, Joint),
-            "segments": segments,
-            "discretization": discretization,
-            "angle": _radians(f"angle {of}", angle),
-            "length": float(sum(segment.length for segment in segments)),
-            "_origin": (start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
-        }
-        for attribute, value in values.items():
-            object.__setattr__(self, attribute, value)
+        self.__dict__.update(
+            name=name,
+            parent=instance(f"parent {of}", parent, Point),
+            joint=instance(f"joint {of}", joint, Joint),
+            segments=segments,
+            discretization=discretization,
+            angle=_radians(f"angle {of}", angle),
+            length=float(sum(segment.length for segment in segments)),
+            _origin=(start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
+        )
         self.station(parent.x, parent.y)
 
     def __repr__(self) -> str:

@@ -60,12 +60,12 @@ def respond_whole(structure: Structure, ports: Ports, omega: Array) -> Array:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    form, mass = structure.strain_form, np.abs(structure.M.diagonal())
-    scale = np.sqrt(np.where(mass > 0.0, mass, 1.0))
-    if form is not None:
-        free = form.rigid > 0
-    else:  # a chain that is locked has no coordinates
+    form, scale = structure.strain_form, np.sqrt(np.abs(structure.M.diagonal()))
+    scale[scale == 0.0] = 1.0
+    if form is None:  # A chain that is locked has no coordinates.
         free = structure.n > 0 and SOLVED * np.linalg.cond(structure.K / np.outer(scale, scale)) >= 1.0
+    else:
+        free = form.rigid > 0
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
