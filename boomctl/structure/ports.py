@@ -151,13 +151,9 @@ class Ports:
         first_in, first_out = np.abs(W_in).argmax(axis=0).tolist(), np.abs(W_out).argmax(axis=0).tolist()
         into = list(zip(inputs, (self.inputs[k] for k in first_in), strict=True))
         out = list(zip(outputs, (self.outputs[k] for k in first_out), strict=True))
-        pairs, primary = [(new, old, self.units.get(old, "")) for new, old in into + out], None
-        if self.primary is not None:
-            ins_wanted, outs_wanted = self.primary
-            primary = (
-                tuple(new for new, old in into if old in ins_wanted),
-                tuple(n for n, old in out if old in outs_wanted),
-            )
+        pairs, first = [(new, old, self.units.get(old, "")) for new, old in into + out], self.primary
+        if first is not None:
+            first = tuple(n for n, old in into if old in first[0]), tuple(n for n, old in out if old in first[1])
         return Ports(
             inputs=inputs,
             outputs=outputs,
@@ -167,7 +163,7 @@ class Ports:
             moved=tuple(self.moved[k] for k in first_in),
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
-            primary=primary,
+            primary=first,
             strains=None if self.strains is None else self.strains @ W_in,
             tensions=None if self.tensions is None else W_out.T @ self.tensions,
             units={new: unit if new == old else half_unit(unit, new) for new, old, unit in pairs},
