@@ -54,7 +54,9 @@ class Structure:
     ) -> "Structure":
         """Return a structure of matrices known to be sound."""
         rows = np.eye(len(coordinates))
-        return cls(Layout(coordinates, rows, rows, mirror), Weights(M, C, K))
+        structure = cls(Layout(coordinates, rows, rows, mirror), Weights(M, C, K))
+        structure.__dict__["matrices"] = M, C, K
+        return structure
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
