@@ -5,6 +5,7 @@ a few dampers.  These are added one after the other, as updates of rank one.
 """
 
 import numpy as np
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import EPS, SOLVED
@@ -29,17 +30,20 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
     if excess.ndim == 2 and not is_symmetric(excess):
         return None
     dampers = np.flatnonzero(excess.any(axis=tuple(range(1, excess.ndim))))
-    Q, size, mix = np.linalg.svd((structure.layout.R[dampers] @ V).T, full_matrices=False)
-    core = size[:, None] * (mix @ weigh(excess[np.ix_(*[dampers] * excess.ndim)], mix.T)) * size
-    gamma, turn = np.linalg.eigh(0.5 * (core + core.T))
+    rows = (structure.layout.R[dampers] @ V).T
+    square, mix, _ = lapack.dsyev(rows.T @ rows)  # Rows alike, as of mirror images, are one damper.
+    size = np.sqrt(np.maximum(square, EPS * square.max(initial=0.0)))
+    core = mix.T @ weigh(excess[np.ix_(*[dampers] * excess.ndim)], mix)
+    gamma, turn, _ = lapack.dsyev(size[:, None] * core * size)
     uneven = np.abs(gamma) > SOLVED * np.abs(gamma).max(initial=0.0)
     if uneven.sum() > _MAX_DAMPERS:
         return None
+    u = rows @ (mix / size) @ turn[:, uneven]
     B, L = (V.T @ ports.B, ports.L @ V) if form is None else form.in_modes(ports)
     (p, m), n, s = (len(ports.outputs), len(ports.inputs)), len(frequencies), 1j * omega
     acting, read = (np.flatnonzero(terms.any(axis=(1, 2))).tolist() for terms in (B, L))
     columns, lines = B[acting].transpose(1, 0, 2).reshape(n, -1), L[read].reshape(-1, n)
-    sums = _receptance(frequencies**2, beta, gamma[uneven], Q @ turn[:, uneven], lines, columns, omega)
+    sums = _receptance(frequencies**2, beta, gamma[uneven], u, lines, columns, omega)
     if sums is None:
         return None
     Y = np.zeros((p, m, len(s)), dtype=complex)
