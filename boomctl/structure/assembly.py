@@ -386,11 +386,9 @@ def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], A
     derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
     L = np.array([lines * (derivative == k)[:, None] for k in range(3)]).reshape(3, *lines.shape)
     L.setflags(write=False)
-    return Ports.of_forces(
-        inputs=tuple(f.name for f in assembly.forces),
-        columns=columns,
-        outputs=tuple(o.name for o in assembly.outputs),
-        lines=L,
+    ports = Ports.of_forces(tuple(f.name for f in assembly.forces), columns, tuple(o.name for o in assembly.outputs), L)
+    return replace(
+        ports,
         bandwidths=tuple(None if o.bandwidth_hz is None else 2 * np.pi * o.bandwidth_hz for o in assembly.outputs),
         units={f.name: "N m" if f.direction == "theta" else "N" for f in assembly.forces}
         | {o.name: motion_unit(o.direction == "theta", o.derivative) for o in assembly.outputs},

@@ -356,6 +356,7 @@ class PolynomialFamily(Family):
         """
         names, low, high, at = _box(ranges, function)
         tried, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
+        center = at(np.zeros(len(names)))
 
         def matrices(points: Sequence[Array]) -> dict[str, Array]:
             return _matrices(tried[0], [at(delta) for delta in points])
@@ -364,13 +365,10 @@ class PolynomialFamily(Family):
         samples, what = _matrices(tried[0], tried), f"family of {listed(names)}"
         result, _, _ = fitted(matrices, counts, samples, _negligible, _EXACT * ALIKE / SUMMED, what)
         powers = sorted({power for X in result.values() for power in X if power}, key=lambda power: (len(power), power))
-        M, C, K, B, L = (result[letter][()] for letter in "MCKBL")
         changes = tuple(
             (power, Slope(*(result[letter].get(power, np.zeros_like(result[letter][()])) for letter in "MCKBL")))
             for power in powers
         )
-        structure = Structure.of(M, C, K, tried[0].coordinates)
-        center = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
         family = cls(names, low, high, center, changes, tuple(free))
         family._check(tried)
         return family

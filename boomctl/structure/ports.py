@@ -72,15 +72,7 @@ class Ports:
     __repr__ = compact
 
     @classmethod
-    def of_forces(
-        cls,
-        inputs: tuple[str, ...],
-        columns: Array,
-        outputs: tuple[str, ...],
-        lines: Array,
-        bandwidths: tuple[float | None, ...] | None = None,
-        units: Mapping[str, str] | None = None,
-    ) -> "Ports":
+    def of_forces(cls, inputs: tuple[str, ...], columns: Array, outputs: tuple[str, ...], lines: Array) -> "Ports":
         """Return the ports of force inputs (columns, (n, m)) and outputs (lines, (3, p, n)) without feedthrough."""
         n, m, p = columns.shape[0], len(inputs), len(outputs)
         B = np.zeros((3, n, m))
@@ -93,8 +85,7 @@ class Ports:
             E=np.zeros((3, p, m)),
             moved=(False,) * m,
             integrators=(0,) * m,
-            bandwidths=bandwidths or (None,) * p,
-            units=units or {},
+            bandwidths=(None,) * p,
         )
 
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
