@@ -487,8 +487,9 @@ def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Arr
     narrow, broad = np.minimum(way, thickness), np.maximum(way, thickness)
     parts = np.zeros(len(edges))
     for some in np.array_split(np.arange(len(dt)), 1 + count.sum() // _PORTION):
-        step, before = np.repeat(some, count[some]), np.cumsum(count[some]) - count[some]
-        edge = np.arange(len(step)) - np.repeat(before - first[some], count[some])
+        many = count[some]
+        step, before = np.repeat(some, many), np.cumsum(many) - many
+        edge = np.arange(len(step)) - np.repeat(before - first[some], many)
         part = _two_boxes(edges[edge] - begin[step], narrow[step], broad[step])
         parts += np.bincount(edge, dt[step] * part, minlength=len(edges))
     whole = np.cumsum(np.bincount(done, dt, minlength=len(edges)))[: len(edges)]
