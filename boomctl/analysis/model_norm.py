@@ -27,7 +27,7 @@ from boomctl.lti.frequency import (
 from boomctl.lti.system import beside, is_frequency_response, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response, respond, respond_whole
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.poles import first_order_poles
 from boomctl.threads import one_blas_thread
 

@@ -120,8 +120,7 @@ def boom_discretization(
     known("discretization", discretization, DISCRETIZATIONS)
     stations: int | tuple[float, ...]
     if isinstance(elements, (int, np.integer)):
-        count = whole("elements", elements, most=MOST_ELEMENTS)
-        stations = count if discretization == "finite" else _attached_nodes(p, count)
+        stations = elements if discretization == "finite" else _attached_nodes(p, elements)
     else:
         stations = tuple(_node_positions(p, elements) + p.length / 2)
     if discretization == "finite":
@@ -154,7 +153,7 @@ def _node_positions(p: BoomParameters, elements: Sequence[float] | Array) -> Arr
 
 def _attached_nodes(p: BoomParameters, elements: int) -> tuple[float, ...]:
     """Return stations of ``elements`` elements with nodes at tips, springs and hinge."""
-    if elements < 4 or elements % 2:
+    if whole("elements", elements, most=MOST_ELEMENTS) < 4 or elements % 2:
         raise ValueError(f"elements = {elements}: expected an even number, at least 4, with nodes at springs and hinge")
     inner = 2 if elements < 20 else 4
     outer = (elements - inner) // 2

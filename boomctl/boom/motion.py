@@ -13,7 +13,7 @@ from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS, Track, step_count
 from boomctl.boom.tractor import TractorParameters, tractor_lti
-from boomctl.checks import exactly, finite_array, instance, known, positive, real, truth, up_to, within
+from boomctl.checks import exactly, finite_array, instance, known, positive, real, truth, within
 from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
@@ -182,7 +182,8 @@ def platform_motion(
     Raises
     ------
     TypeError, ValueError
-        The tracks are not as far apart as the wheels; a track too short; a time, speed or distance not above zero.
+        The tracks are not as far apart as the wheels; a track too short; a time, speed or distance not above zero;
+        samples further apart than a quarter of a tire's contact length and a step of the track.
 
     Examples
     --------
@@ -195,7 +196,6 @@ def platform_motion(
     instance("track", track, Track)
     p, V = or_default(TractorParameters, "tractor", tractor), within("speed", speed, *SPEEDS, "m/s")
     system = tractor_lti(p, V, positive("actuator_distance", actuator_distance))
-    h = positive("sample_time", sample_time)
     if not np.isclose(track.width, p.track_width, rtol=1e-6):
         raise ValueError(
             f"track: its sides are {exactly(track.width)} m apart; expected track_width, "
@@ -205,15 +205,12 @@ def platform_motion(
     if way <= 0.0:
         raise ValueError(f"track: {track.length:g} m are shorter than the wheelbase, {p.wheelbase:g} m")
     wanted = way / V if duration is None else positive("duration", duration)
-    if not track.periodic and wanted * V > way * (1.0 + 1e-9):
-        raise ValueError(f"duration = {exactly(wanted)}: expected at most {up_to(way / V)} s, where the track ends")
+    if not track.periodic:
+        within("duration", wanted, 0.0, way / V * (1.0 + 1e-9), "s")
+    # A quarter of a tire's contact length, or a step of the track.
+    longest = max(0.25 * p.contact_length, track.spacing) / V
+    h = within("sample_time", positive("sample_time", sample_time), 0.0, longest * (1.0 + 1e-9), "s")
     count = step_count("duration", wanted, h, "s")
-    finest = max(0.25 * p.contact_length, track.spacing)
-    if V * h > finest * (1.0 + 1e-9):
-        raise ValueError(
-            f"sample_time = {exactly(h)}: expected at most {up_to(finest / V)} s, a quarter of a tire's contact length"
-            f" at speed = {exactly(V)}, or a speed of at most {up_to(finest / h)} m/s"
-        )
     before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)
     if rest is None:
@@ -371,20 +368,17 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
 
 def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:
     """Return the distance of the actuators [m] that was given, or that the comments of a file state."""
-    stated = [(line, text) for line, text in comments if _MEANT.match(text)]
-    if not stated:
-        return _DISTANCE if given is None else given
-    line, text = stated[-1]
-    match = _COMMENT.fullmatch(text)
-    if len(stated) > 1 or match is None or not float(match[1]) > 0.0:
-        raise ValueError(f"{path}, line {line}: expected one '# {_STATED} = ...', above zero, got {text[:50]!r}")
-    distance = float(match[1])
-    if given not in (None, distance):
-        raise ValueError(
-            f"actuator_distance = {exactly(given)}: expected {exactly(distance)} m, as line {line} of {path} says, or"
-            " leave it out"
-        )
-    return distance
+    stated = [(line, text, _COMMENT.fullmatch(text)) for line, text in comments if _MEANT.match(text)]
+    for line, text, match in stated[-1:]:
+        if len(stated) > 1 or match is None or not float(match[1]) > 0.0:
+            raise ValueError(f"{path}, line {line}: expected one '# {_STATED} = ...', above zero, got {text[:50]!r}")
+        if given not in (None, float(match[1])):
+            raise ValueError(
+                f"actuator_distance = {exactly(given)}: expected {match[1]} m, as line {line} of {path} says, or"
+                " leave it out"
+            )
+        given = float(match[1])
+    return _DISTANCE if given is None else given
 
 
 def write_motion(path: str | Path, motion: PlatformMotion) -> None:

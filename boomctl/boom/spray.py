@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib import import_module
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -85,9 +84,7 @@ class Footprint:
             From 0 to 1, in the shape of ``offset``.
         """
         s = np.clip(offset / self.width, -0.5, 0.5)
-        if self.shape == "box":
-            return 0.5 + s
-        return 0.5 + 2.0 * s * (1.0 - np.abs(s))
+        return 0.5 + (s if self.shape == "box" else 2.0 * s * (1.0 - np.abs(s)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -325,15 +322,11 @@ def spray_deposit(
     widths = np.diff(pattern.cumulative(x_edges[:, None] - at), axis=0) * (spacing / dx)
     stays = np.array([np.diff(_stay_below(y_edges, line, t, pattern.thickness)) for line in path])
     lacking = max(0.5 * pattern.width - spacing, 0.0)
-    across = _within(x_edges, at[0] + lacking, at[-1] - lacking)
-    if across.start == across.stop:
-        raise ValueError(
-            f"footprint: no cell of {dx:g} m between the nozzles at {at[0]:g} and {at[-1]:g} m is sprayed by all"
-            f" neighbors {pattern.width:g} m wide"
-        )
-    along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half)
-    if along.start == along.stop:
-        raise ValueError(f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged")
+    lacks = f"footprint: no cell of {dx:g} m between the nozzles at {at[0]:g} and {at[-1]:g} m is sprayed by all"
+    lacks += f" neighbors {pattern.width:g} m wide"
+    across = _within(x_edges, at[0] + lacking, at[-1] - lacking, lacks)
+    short = f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged"
+    along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half, short)
     tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
     return SprayResult(
         deposit=widths @ stays * (V / dy),
@@ -433,12 +426,11 @@ def spray_deposit_components(
     >>> [round(result.cv, 4) for result in results]
     [0.0253, 0.0222, 0.0123]
     """
-    jolt, yaw = split_jolt_yaw(displacement, positions)
-    total, symmetric, antisymmetric = (
+    total, jolt, yaw = (
         spray_deposit(time, part, positions, speed, nozzles=nozzles, footprint=footprint, cell_size=cell)
-        for part in (displacement, jolt, yaw)
+        for part in (displacement, *split_jolt_yaw(displacement, positions))
     )
-    return total, symmetric, antisymmetric
+    return total, jolt, yaw
 
 
 def _points(time: ArrayLike, displacement: ArrayLike, positions: ArrayLike) -> tuple[Array, Array, Array]:
@@ -471,11 +463,13 @@ def _edges(low: float, high: float, size: float, origin: float = 0.0) -> Array:
     return origin + size * np.arange(first, last + 1)
 
 
-def _within(edges: Array, low: float, high: float) -> slice:
-    """Return the cells that lie wholly between two places."""
+def _within(edges: Array, low: float, high: float, refusal: str) -> slice:
+    """Return the cells that lie wholly between two places; ``refusal`` is raised where there are none."""
     slack = 1e-9 * (edges[1] - edges[0])
     inside = np.flatnonzero((edges[:-1] >= low - slack) & (edges[1:] <= high + slack))
-    return slice(int(inside[0]), int(inside[-1]) + 1) if len(inside) else slice(0, 0)
+    if not len(inside):
+        raise ValueError(refusal)
+    return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
 def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Array:
@@ -492,20 +486,14 @@ def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Arr
     count = np.maximum(done - first, 0)
     narrow, broad = np.minimum(way, thickness), np.maximum(way, thickness)
     parts = np.zeros(len(edges))
-    for some in _portions(count):
-        step = np.repeat(np.arange(len(dt))[some], count[some])
-        edge = np.arange(len(step)) - np.repeat(np.cumsum(count[some]) - count[some] - first[some], count[some])
+    for some in np.array_split(np.arange(len(dt)), 1 + count.sum() // _PORTION):
+        many = count[some]
+        step, before = np.repeat(some, many), np.cumsum(many) - many
+        edge = np.arange(len(step)) - np.repeat(before - first[some], many)
         part = _two_boxes(edges[edge] - begin[step], narrow[step], broad[step])
         parts += np.bincount(edge, dt[step] * part, minlength=len(edges))
     whole = np.cumsum(np.bincount(done, dt, minlength=len(edges)))[: len(edges)]
     return whole + parts
-
-
-def _portions(count: Array) -> list[slice]:
-    """Return steps in portions that memory holds, from how many edges each one meets."""
-    portion = np.cumsum(count) // _PORTION
-    cuts = np.concatenate([[0], np.flatnonzero(np.diff(portion)) + 1, [len(count)]])
-    return [slice(int(a), int(b)) for a, b in pairwise(cuts)]
 
 
 def _two_boxes(u: Array, narrow: Array, broad: Array) -> Array:

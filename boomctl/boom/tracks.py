@@ -49,8 +49,8 @@ REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of it
 SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
 BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones (a choice)
 _MAX_STEPS = 50_000_000  # Of a track or a motion: 400 MB a signal.
+_MOST_WAVES = 5_000_000  # of a ground, 500 to the meter of 10 km: 160 MB of random numbers
 GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
-_MOST_WAVES = 5_000_000  # of a ground, 500 to the meter: 160 MB of random numbers (a choice)
 _BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
 
 
@@ -297,26 +297,17 @@ def iso_track(
     >>> bool((rough.left == bc.iso_track("E", length=100.0, seed=3).left).all())  # the same seed, the same ground
     True
     """
-    spacing, longest = positive("spacing", spacing), positive("length", length)
+    spacing, round_trip = positive("spacing", spacing), truth("periodic", periodic)
+    longest = positive("length", length) if round_trip else within("length", length, 0.0, GROUND_LENGTH, "m")
     low, high = span("wave_number_range", wave_number_range)
     if high >= 0.5 / spacing:
         raise ValueError(
             f"spacing = {exactly(spacing)}: expected less than {up_to(0.5 / high)} m, half the shortest wave of the band"
         )
     count = step_count("length", longest, spacing, "m")
-    round_trip = truth("periodic", periodic)
     period = count * spacing if round_trip else GROUND_LENGTH
-    if not round_trip:
-        # share of a wave number by which rounding may put it across the edge of a band
-        if count * spacing > period * (1.0 + ALIKE):
-            raise ValueError(
-                f"length = {exactly(longest)}: expected at most {GROUND_LENGTH:g} m, the ground of a seed, or periodic=True"
-            )
-        if high * period > _MOST_WAVES:
-            raise ValueError(
-                f"wave_number_range = ({low:g}, {high:g}): expected at most {_MOST_WAVES / GROUND_LENGTH:g} /m, or "
-                "periodic=True"
-            )
+    within("wave_number_range", high, 0.0, _MOST_WAVES / period, "/m")
+    # Rounding puts a wave number across the edge of the range by less than ALIKE.
     n = np.arange(1, int(high * period * (1.0 + ALIKE)) + 1) / period
     inside = n >= low * (1.0 - ALIKE)
     if not inside.any():

@@ -23,7 +23,7 @@ from boomctl.lti.system import Lti, append
 from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, on_circle, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
-from boomctl.structure.response.poles import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.realization import realize
 
 # Share of the largest Hankel singular value up to which a state adds nothing but rounding (measured: of a ladder of 100

@@ -61,7 +61,7 @@ def structure_of(beam: HubBeam, speed: float, read: Read) -> SecondOrderModel:
     columns[0, 2] = reach + tip.axial @ beam._steady_coordinates(speed)
     structure = Structure.of(motion.mass, motion.damping, motion.stiffness, beam.state_labels[:size])
     outputs, lines, units = read
-    return SecondOrderModel.of(structure, Ports.of_forces(LOOP_INPUTS, columns, outputs, lines, units=units))
+    return SecondOrderModel.of(structure, replace(Ports.of_forces(LOOP_INPUTS, columns, outputs, lines), units=units))
 
 
 def hub_beam_family(

@@ -213,8 +213,7 @@ def _parts(
         if parts is not None:
             place = [outs.index(name) for name in outputs]
             return [
-                (SecondOrderModel.of(part.structure, part.ports), part.W_in.T @ rows, part.W_out[place])
-                for part in parts
+                (SecondOrderModel.of(part, ports), W_in.T @ rows, W_out[place]) for part, ports, W_in, W_out in parts
             ]
     return [(model.select(inputs, outputs), disturbance_rows(signals, inputs, (), n), np.eye(len(outputs)))]
 

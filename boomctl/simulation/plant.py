@@ -14,7 +14,8 @@ from boomctl.lti.hold import changing, linear_hold, motion_coordinates, zero_ord
 from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import handed_out, in_modes, undamped_modes
+from boomctl.structure.response.modal_form import handed_out, in_modes
+from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.poles import damper_forces, with_statics
 
 if TYPE_CHECKING:

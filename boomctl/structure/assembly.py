@@ -8,7 +8,7 @@ weights alone share one mechanism, found once.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
 from itertools import pairwise
 from math import hypot
@@ -17,10 +17,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, combined
-from boomctl.checks import instance, sequence, signal_name, warn_user
+from boomctl.checks import instance, sequence, warn_user
 from boomctl.lti.rounding import ALIKE, CANCELLED
 from boomctl.printing import count, listed, signals
-from boomctl.structure.beams.elements import FiniteElements, distinct, element_nodes
+from boomctl.structure.beams.elements import DiscreteElements, FiniteElements, distinct, element_nodes
 from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
@@ -79,33 +79,24 @@ class Assembly:
     cut_joints: tuple[CutJoint, ...] = ()
 
     def __post_init__(self) -> None:
-        kinds = {
-            "bodies": (RigidBody, Beam),
-            "springs": SpringDamper,
-            "forces": Force,
-            "outputs": Output,
-            "cut_joints": CutJoint,
-        }
-        for name, kind in kinds.items():
-            given = sequence(name, getattr(self, name), "parts")
-            for part in given:
-                instance(name, part, kind)
-            object.__setattr__(self, name, given)
+        kinds = (RigidBody, Beam), SpringDamper, Force, Output, CutJoint
+        for field_, kind in zip(fields(self), kinds, strict=True):
+            parts = sequence(field_.name, getattr(self, field_.name), "parts")
+            object.__setattr__(self, field_.name, parts)
+            for part in parts:
+                instance(field_.name, part, kind)
         for what, items in (("body", self.bodies), ("force", self.forces), ("output", self.outputs)):
-            seen = [signal_name(f"name of a {what}", item.name) for item in items]
-            for name in seen:
-                if seen.count(name) > 1:
+            names = [item.name for item in items]
+            for name in names:
+                if names.count(name) > 1:
                     raise ValueError(f"two of the assembly's {what} names are {name!r}")
-        there = [Ground.name]
-        users = [(body.parent, f"body {body.name!r}", [body.name]) for body in self.bodies]
-        for point, user, names in users + [
-            (point, "a link, force, output or cut joint", []) for point in self.points()
-        ]:
+        there, users = [Ground.name], [f"body {body.name!r}" for body in self.bodies]
+        for place, point in enumerate(self.points()):
             if point.body.name not in there:
-                raise ValueError(
-                    f"{user} refers to body {point.body.name!r}; expected one listed before: {sorted(there)}"
-                )
-            there += names
+                user = (*users[place:], "a link, force, output or cut joint")[0]
+                known = f"expected one listed before: {sorted(there)}"
+                raise ValueError(f"{user} refers to body {point.body.name!r}; {known}")
+            there += [body.name for body in self.bodies[place : place + 1]]
 
     def __repr__(self) -> str:
         joints = f", {count(len(self.cut_joints), 'cut joint')}" if self.cut_joints else ""
@@ -122,14 +113,11 @@ class Assembly:
             Joints of the bodies first, then ends of links, cut joints, forces and outputs; a point may stand there
             twice.
         """
-        points = [body.parent for body in self.bodies]
-        points += [point for link in self.springs for point in (link.a, link.b)]
-        points += [point for cut in self.cut_joints for point in (cut.a, cut.b)]
-        points += [force.point for force in self.forces]
-        points += [force.reaction_point for force in self.forces if force.reaction_point is not None]
-        points += [output.point for output in self.outputs]
-        points += [output.relative_to for output in self.outputs if output.relative_to is not None]
-        return points
+        pairs = [(body.parent, None) for body in self.bodies]
+        pairs += [(link.a, link.b) for link in (*self.springs, *self.cut_joints)]
+        pairs += [(force.point, force.reaction_point) for force in self.forces]
+        pairs += [(output.point, output.relative_to) for output in self.outputs]
+        return [point for pair in pairs for point in pair if point is not None]
 
     @one_blas_thread
     def assemble(self) -> SecondOrderModel:
@@ -251,8 +239,9 @@ class Mechanism:
 
 def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
     """Return the mechanism of a machine, its beams discretised or exact; warn of links, forces and outputs without motion."""
-    place = _Place(_where(assembly), exact, assembly)
-    result = _kept_mechanism(place) if place.decides() else _find_mechanism(assembly, exact)
+    known = all(type(beam.discretization) in (FiniteElements, DiscreteElements) for beam in assembly._beams())
+    find = _find_mechanism if known else _find_mechanism.__wrapped__
+    result = find(_Place(_where(assembly), exact, assembly))
     if result.idle:
         warn_user(
             f"No motion for {', '.join(result.idle)}: the joints constrain the point in that direction. Check the direction."
@@ -268,14 +257,6 @@ class _Place:
     exact: bool
     assembly: Assembly = field(compare=False)
 
-    def decides(self) -> bool:
-        """Return whether equal places mean equal mechanisms; a discretisation that is not compared by value does not."""
-        try:
-            hash(self.where)
-        except TypeError:
-            return False
-        return all(type(beam.discretization).__hash__ is not object.__hash__ for beam in self.assembly._beams())
-
 
 def _where(assembly: Assembly) -> tuple[Hashable, ...]:
     """Return everything that rows depend on."""
@@ -283,11 +264,14 @@ def _where(assembly: Assembly) -> tuple[Hashable, ...]:
     def at(point: Point | None) -> Hashable:
         return None if point is None else (point.body.name, point.x, point.y)
 
+    def joint(body: RigidBody | Beam) -> Hashable:
+        return tuple(body.joint.translations), body.joint.rotation
+
     def of(body: RigidBody | Beam) -> Hashable:
         if isinstance(body, RigidBody):
-            return body.name, at(body.parent), body.joint, body.center_of_mass
+            return body.name, at(body.parent), joint(body), body.center_of_mass and tuple(body.center_of_mass)
         lengths = tuple(section.length for section in body.segments)
-        return body.name, at(body.parent), body.joint, body._origin, body.angle, body.discretization, lengths
+        return body.name, at(body.parent), joint(body), body._origin, body.angle, body.discretization, lengths
 
     return (
         tuple(of(body) for body in assembly.bodies),
@@ -297,16 +281,13 @@ def _where(assembly: Assembly) -> tuple[Hashable, ...]:
             (o.name, at(o.point), o.direction, at(o.relative_to), o.derivative, o.bandwidth_hz)
             for o in assembly.outputs
         ),
-        tuple((at(cut.a), at(cut.b), cut.directions) for cut in assembly.cut_joints),
+        tuple((at(cut.a), at(cut.b), tuple(cut.directions)) for cut in assembly.cut_joints),
     )
 
 
 @lru_cache(maxsize=KEPT)
-def _kept_mechanism(place: _Place) -> Mechanism:
-    return _find_mechanism(place.assembly, place.exact)
-
-
-def _find_mechanism(assembly: Assembly, exact: bool) -> Mechanism:
+def _find_mechanism(place: _Place) -> Mechanism:
+    assembly, exact = place.assembly, place.exact
     beams = assembly._beams()
     motion, T, names = _moving(assembly, exact)
     index, meshes = motion.index, tuple(motion.meshes.values())
@@ -381,18 +362,16 @@ def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array
     so that segments alike are computed once.
     """
     lengths, lost = np.diff(nodes), CANCELLED * beam.length
-    at: dict[int, Point] = {}
-    for point in (beam.parent, *(point for point in points if point.body.name == beam.name)):
-        gap = np.abs(nodes - beam.station(point.x, point.y))
-        if gap.min() <= lost:
-            at.setdefault(int(gap.argmin()), point)
+    attached = [beam.parent, *(point for point in points if point.body.name == beam.name)]
+    stations = np.array([beam.station(point.x, point.y) for point in attached])
     marks = np.cumsum([0.0, *(section.length for section in beam.segments)])
-    ends = {int(np.abs(nodes - mark).argmin()): k for k, mark in enumerate(marks)}
-    for i in range(len(lengths)):
-        if i in at and i + 1 in at:
-            lengths[i] = hypot(at[i + 1].x - at[i].x, at[i + 1].y - at[i].y)
-        elif i in ends and ends.get(i + 1) == ends[i] + 1:
-            lengths[i] = beam.segments[ends[i]].length
+    for i, ends in enumerate(pairwise(nodes)):
+        near, sections = ([np.flatnonzero(np.abs(x - end) <= lost)[:1] for end in ends] for x in (stations, marks))
+        if all(map(len, near)):
+            a, b = (attached[places[0]] for places in near)
+            lengths[i] = hypot(b.x - a.x, b.y - a.y)
+        elif all(map(len, sections)) and sections[1][0] == sections[0][0] + 1:
+            lengths[i] = beam.segments[sections[0][0]].length
     order = np.argsort(lengths)
     for a, b in pairwise(order):
         if lengths[b] - lengths[a] <= lost:
@@ -407,11 +386,9 @@ def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], A
     derivative = np.array([o.derivative for o in assembly.outputs], dtype=int)
     L = np.array([lines * (derivative == k)[:, None] for k in range(3)]).reshape(3, *lines.shape)
     L.setflags(write=False)
-    return Ports.of_forces(
-        inputs=tuple(f.name for f in assembly.forces),
-        columns=columns,
-        outputs=tuple(o.name for o in assembly.outputs),
-        lines=L,
+    ports = Ports.of_forces(tuple(f.name for f in assembly.forces), columns, tuple(o.name for o in assembly.outputs), L)
+    return replace(
+        ports,
         bandwidths=tuple(None if o.bandwidth_hz is None else 2 * np.pi * o.bandwidth_hz for o in assembly.outputs),
         units={f.name: "N m" if f.direction == "theta" else "N" for f in assembly.forces}
         | {o.name: motion_unit(o.direction == "theta", o.derivative) for o in assembly.outputs},
@@ -423,22 +400,20 @@ def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[
 
     It is exact as long as nothing but beams with one common damping constant acts on them.
     """
-    K, C, names = structure.K, structure.C, structure.coordinates
-    n = structure.n
-    kept = np.delete(np.arange(n), massless)
-    K_mm, C_mm, K_mk = K[massless][:, massless], C[massless][:, massless], K[massless][:, kept]
-    ratio = C_mm.diagonal().sum() / max(K_mm.diagonal().sum(), np.finfo(float).tiny)
-    uneven = np.abs(C_mm.diagonal() - ratio * K_mm.diagonal()) > ALIKE * np.abs(C_mm.diagonal()).max(
-        initial=np.finfo(float).tiny
-    )
-    forced = (np.abs(ports.B[0][massless]) > 0).any(axis=1)
-    if (uneven | forced).any():
-        name = names[massless[np.flatnonzero(uneven | forced)[0]]]
+    (k, c), names, K = (structure.weights.k, structure.weights.c), structure.coordinates, structure.K
+    acting = structure.layout.R[:, massless] != 0.0
+    rows = acting.any(axis=1)
+    ratio = c[rows].sum() / k[rows].sum() if k[rows].any() else 0.0
+    uneven = rows & (np.abs(c - ratio * k) > ALIKE * c[rows].max(initial=0.0))
+    refused = np.flatnonzero(acting[uneven].any(axis=0) | ports.B[0][massless].any(axis=1))
+    if len(refused):
+        name = names[massless[refused[0]]]
         raise ValueError(f"a damper or torque acts on coordinate {name!r}, which has no inertia: give it some")
-    weak = np.flatnonzero(K_mm.diagonal() <= 0.0)
+    weak = np.flatnonzero(~acting[k > 0.0].any(axis=0))
     if len(weak):
         raise ValueError(f"coordinate {names[massless[weak[0]]]!r} has neither inertia nor stiffness: give it some")
-    T = np.zeros((n, len(kept)))
+    kept = np.delete(np.arange(structure.n), massless)
+    T = np.zeros((structure.n, len(kept)))
     T[kept, np.arange(len(kept))] = 1.0
-    T[massless] = -linalg.solve(K_mm, K_mk, assume_a="pos")
+    T[massless] = -linalg.solve(K[massless][:, massless], K[massless][:, kept], assume_a="pos")
     return T, kept

@@ -100,14 +100,6 @@ class Family:
         often = [[power.count(i) for i in range(self.nparameters)] for power, _ in self.coefficients]
         return np.array(often).reshape(len(often), self.nparameters)
 
-    @cached_property
-    def _acting(self) -> list[list[tuple[int, Array]]]:
-        """Of each matrix the terms that change it, and by what."""
-        changes = [
-            [(i, getattr(slope, letter)) for i, (_, slope) in enumerate(self.coefficients)] for letter in "MCKBL"
-        ]
-        return [[(i, X) for i, X in item if abs(X).sum()] for item in changes]
-
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Least and largest value of each parameter."""
@@ -179,9 +171,10 @@ class Family:
             Not as many numbers as parameters, or not finite.
         """
         c, shares = self.nominal, shares_of(self, self._delta(delta)).tolist()
+        terms = [term for term in zip(shares, self.coefficients, strict=True) if term[0]]
         M, C, K, B, L = (
-            np.asarray(sum((shares[i] * change for i, change in acting if shares[i]), getattr(middle, letter)))
-            for acting, letter, middle in zip(self._acting, "MCKBL", (c, c, c, c.ports, c.ports), strict=True)
+            getattr(middle, letter) + sum(share * getattr(slope, letter) for share, (_, slope) in terms)
+            for letter, middle in zip("MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
         structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror)
         structure = replace(structure, outline=c.structure.outline)
@@ -363,6 +356,7 @@ class PolynomialFamily(Family):
         """
         names, low, high, at = _box(ranges, function)
         tried, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
+        center = at(np.zeros(len(names)))
 
         def matrices(points: Sequence[Array]) -> dict[str, Array]:
             return _matrices(tried[0], [at(delta) for delta in points])
@@ -371,13 +365,10 @@ class PolynomialFamily(Family):
         samples, what = _matrices(tried[0], tried), f"family of {listed(names)}"
         result, _, _ = fitted(matrices, counts, samples, _negligible, _EXACT * ALIKE / SUMMED, what)
         powers = sorted({power for X in result.values() for power in X if power}, key=lambda power: (len(power), power))
-        M, C, K, B, L = (result[letter][()] for letter in "MCKBL")
         changes = tuple(
             (power, Slope(*(result[letter].get(power, np.zeros_like(result[letter][()])) for letter in "MCKBL")))
             for power in powers
         )
-        structure = Structure.of(M, C, K, tried[0].coordinates)
-        center = SecondOrderModel.of(structure, replace(tried[0].ports, B=B, L=L, strains=None, tensions=None))
         family = cls(names, low, high, center, changes, tuple(free))
         family._check(tried)
         return family

@@ -24,8 +24,6 @@ from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
 
 KEPT = 16  # Cached results of each kind, for the next structure with the same rows or places.
-_FILLED = 0.25  # Fraction of nonzero entries of a row up to which sums over products of pairs are faster.
-_SMALL = 64  # Coordinates up to which one product of matrices is as fast.
 
 
 @dataclass(frozen=True)
@@ -88,17 +86,9 @@ class Layout:
         names = tuple(self.coordinates[i] for i in choice.independent)
         return self.congruent(choice.T_q, names, None if self.mirror is None else self.mirror.restricted(choice))
 
-    @cached_property
-    def _products(self) -> tuple[tuple[Array, Array] | None, tuple[Array, Array] | None]:
-        """Products of pairs of entries of the rows ``N`` and ``R``, where these have few entries."""
-        return _products(self.N), _products(self.R)
-
     def matrices(self, weights: Weights) -> tuple[Array, Array, Array]:
         """Return mass, damping and stiffness matrix."""
-        if weights.k.ndim == 2:
-            return self.N.T @ weights.m @ self.N, self.R.T @ weights.c @ self.R, self.R.T @ weights.k @ self.R
-        inertia, elastic = self._products
-        return _gram(self.N, inertia, weights.m), _gram(self.R, elastic, weights.c), _gram(self.R, elastic, weights.k)
+        return _gram(self.N, weights.m), _gram(self.R, weights.c), _gram(self.R, weights.k)
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Layout]]":
@@ -112,24 +102,9 @@ class Layout:
         return result
 
 
-def _products(rows: Array) -> tuple[Array, Array] | None:
-    """Return the products of all pairs of entries of each row, and where they are in a matrix; None for filled rows.
-
-    Rows of beams have a few entries each: their sum takes a tenth of the time of a product of matrices.
-    """
-    n, entries = rows.shape[1], int(np.count_nonzero(rows, axis=1).max(initial=0))
-    if n <= _SMALL or entries > _FILLED * n:
-        return None
-    column = np.argsort(rows == 0.0, axis=1, kind="stable")[:, :entries]
-    values = np.take_along_axis(rows, column, axis=1)
-    places = column[:, :, None] * n + column[:, None]
-    return places.ravel(), values[:, :, None] * values[:, None]
-
-
-def _gram(rows: Array, products: tuple[Array, Array] | None, weight: Array) -> Array:
-    """Return ``rows^T diag(weight) rows``, exactly symmetric."""
-    n = rows.shape[1]
-    if products is not None:
-        return np.bincount(products[0], (weight[:, None, None] * products[1]).ravel(), n * n).reshape(n, n)
-    total = rows.T @ weigh(weight, rows)
-    return 0.5 * (total + total.T)
+def _gram(rows: Array, weight: Array) -> Array:
+    """Return ``rows^T diag(weight) rows``, exactly symmetric, or of a matrix of weights ``rows^T weight rows``."""
+    if weight.ndim == 2:
+        return rows.T @ weight @ rows
+    scaled = np.sqrt(weight)[:, None] * rows
+    return scaled.T @ scaled

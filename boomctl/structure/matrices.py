@@ -54,7 +54,9 @@ class Structure:
     ) -> "Structure":
         """Return a structure of matrices known to be sound."""
         rows = np.eye(len(coordinates))
-        return cls(Layout(coordinates, rows, rows, mirror), Weights(M, C, K))
+        structure = cls(Layout(coordinates, rows, rows, mirror), Weights(M, C, K))
+        structure.__dict__["matrices"] = M, C, K
+        return structure
 
     def __getstate__(self) -> dict[str, object]:
         """Pickle what it is made of; what was computed when asked for can be computed again."""
@@ -106,14 +108,6 @@ class Structure:
         return strain_form(self.layout, self.weights) if self.has_strains else None
 
     @cached_property
-    def in_strains(self) -> "Structure":
-        """The structure over strain coordinates where it has them, or itself."""
-        form = self.strain_form
-        if form is None:
-            return self
-        return Structure.of(form.N.T @ form.N, form.C, form.K, tuple(f"z{i}" for i in range(self.n)))
-
-    @cached_property
     def _squares(self) -> Array:
         """Stiffness over mass of the coordinates that have mass, ascending [rad^2/s^2]."""
         pairs = (self.layout.R, self.weights.k), (self.layout.N, self.weights.m)
@@ -130,12 +124,6 @@ class Structure:
         """Whether rows are known and some elements are so much shorter than most that displacements lose their strains."""
         square = self._squares
         return self.has_strains and len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
-
-    def at(self, s: Array) -> Array:
-        """Return ``s^2 M + s C + K`` at each imaginary ``s``, shape (len(s), n, n)."""
-        full, omega = np.empty((len(s), self.n, self.n), dtype=complex), s.imag[:, None, None]
-        full.real, full.imag = self.K - omega**2 * self.M, omega * self.C
-        return full
 
     def projected(self, V: Array, coordinates: tuple[str, ...] | None = None) -> "Structure":
         """Return the structure that moves only as the columns of ``V``, ``q = V v``, through its strain rows."""
@@ -168,16 +156,8 @@ def _mirrored(layout: Layout, mirror: Mirror | None) -> Layout:
     return replace(layout, mirror=mirror)
 
 
-@dataclass(frozen=True)
-class Half:
-    """One half of a symmetric structure with its signals, ``y = W_out y_half``, ``d_half = W_in^T d``."""
-
-    structure: Structure
-    ports: Ports
-    W_in: Array
-    W_out: Array
-
-    __repr__ = compact
+# A half of a symmetric structure with its signals: ``W_in``, ``W_out`` of ``y = W_out y_half``, ``d_half = W_in^T d``.
+Half = tuple[Structure, Ports, Array, Array]
 
 
 def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
@@ -189,7 +169,7 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
     if ins is None or outs is None:
         return None
     P, part = structure.halves[parity]
-    return Half(part, ports.mixed(P, ins, outs), ins[0], outs[0])
+    return part, ports.mixed(P, ins, outs), ins[0], outs[0]
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
@@ -197,7 +177,15 @@ def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
     both = half(structure, ports, 1), half(structure, ports, -1)
     if both[0] is None or both[1] is None:
         return None
-    return tuple(part for part in both if part is not None and part.W_in.shape[1] and part.W_out.shape[1])
+    return tuple(part for part in both if part is not None and part[2].shape[1] and part[3].shape[1])
+
+
+def dynamic_stiffness(matrices: tuple[Array, Array, Array], s: Array) -> Array:
+    """Return ``s^2 M + s C + K`` at each imaginary ``s``, shape (len(s), n, n)."""
+    (M, C, K), omega = matrices, s.imag[:, None, None]
+    full = np.empty((len(s), *M.shape), dtype=complex)
+    full.real, full.imag = K - omega**2 * M, omega * C
+    return full
 
 
 def check_size(n: int) -> None:

@@ -108,9 +108,8 @@ class SecondOrderModel:
             raise ValueError(f"coordinates: expected {n} different names, got {len(labels)}")
         L = np.array([lines, np.zeros_like(lines), np.zeros_like(lines)])
         ports = Ports.of_forces(tuple(force_inputs or {}), columns.T, tuple(outputs or {}), L)
-        object.__setattr__(self, "structure", Structure.of(matrices["M"], matrices["C"], matrices["K"], labels))
-        object.__setattr__(self, "ports", ports)
-        object.__setattr__(self, "selection", None)
+        structure = Structure.of(matrices["M"], matrices["C"], matrices["K"], labels)
+        self.__dict__.update(structure=structure, ports=ports, selection=None)
 
     def __repr__(self) -> str:
         chosen = "" if self.selection is None else f"\n  {self.selection}"
@@ -138,9 +137,7 @@ class SecondOrderModel:
             The model; no matrix is copied.
         """
         model = cls.__new__(cls)
-        object.__setattr__(model, "selection", selection)
-        object.__setattr__(model, "structure", structure)
-        object.__setattr__(model, "ports", ports)
+        model.__dict__.update(structure=structure, ports=ports, selection=selection)
         return model
 
     def __getstate__(self) -> dict[str, Any]:
@@ -245,7 +242,7 @@ class SecondOrderModel:
     def _halves(self) -> tuple[SecondOrderModel, ...] | None:
         """Its symmetric and antisymmetric half, as far as they have inputs and outputs; None of one that does not split."""
         result = halves(self.structure, self.ports)
-        return None if result is None else tuple(SecondOrderModel.of(part.structure, part.ports) for part in result)
+        return None if result is None else tuple(SecondOrderModel.of(*part[:2]) for part in result)
 
     @cached_property
     def _modal_form(self) -> Lti:
@@ -510,7 +507,7 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     jolt, yaw = (half(structure, model.ports, parity) for parity in (1, -1))
     if jolt is None or yaw is None:
         raise ValueError(f"inputs {model.input_labels} or outputs {model.output_labels} are not pairs of mirror images")
-    return SecondOrderModel.of(jolt.structure, jolt.ports), SecondOrderModel.of(yaw.structure, yaw.ports)
+    return SecondOrderModel.of(*jolt[:2]), SecondOrderModel.of(*yaw[:2])
 
 
 def _square(name: str, value: ArrayLike) -> Array:

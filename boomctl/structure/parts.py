@@ -8,7 +8,7 @@ into equations of motion.  Positions are those at rest, in the inertial frame: `
 from collections.abc import Sequence
 from dataclasses import InitVar, dataclass, field
 from math import cos, hypot, isclose, pi, sin
-from typing import TYPE_CHECKING, ClassVar, Never, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 from boomctl.checks import (
     exactly,
@@ -656,18 +656,16 @@ class Beam:
             raise ValueError(f"beam {name!r}: expected at least one segment")
         if not callable(getattr(discretization, "mesh", None)):
             raise TypeError(f"discretization {of} = {shown(discretization)}: expected FiniteElements or another one")
-        values = {
-            "name": name,
-            "parent": instance(f"parent {of}", parent, Point),
-            "joint": instance(f"joint {of}", joint, Joint),
-            "segments": segments,
-            "discretization": discretization,
-            "angle": _radians(f"angle {of}", angle),
-            "length": float(sum(segment.length for segment in segments)),
-            "_origin": (start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
-        }
-        for attribute, value in values.items():
-            object.__setattr__(self, attribute, value)
+        self.__dict__.update(
+            name=name,
+            parent=instance(f"parent {of}", parent, Point),
+            joint=instance(f"joint {of}", joint, Joint),
+            segments=segments,
+            discretization=discretization,
+            angle=_radians(f"angle {of}", angle),
+            length=float(sum(segment.length for segment in segments)),
+            _origin=(start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
+        )
         self.station(parent.x, parent.y)
 
     def __repr__(self) -> str:
@@ -706,15 +704,13 @@ class Beam:
         """Point of the beam at its end."""
         return self.at(self.length)
 
-    def at(self, s: float, *coordinates: Never) -> Point:
+    def at(self, s: float) -> Point:
         """Return the point of the beam at a distance from its start.
 
         Parameters
         ----------
         s : float
             Distance from the start along the axis [m], from 0 to ``length``.
-        *coordinates
-            None; a second number raises an error that names ``at_point``.
 
         Returns
         -------
@@ -724,7 +720,7 @@ class Beam:
         Raises
         ------
         TypeError
-            If ``s`` is not a number, or there is a second argument.
+            If ``s`` is not a number.
         ValueError
             If ``s`` is not finite, or outside the beam.
 
@@ -737,11 +733,6 @@ class Beam:
         >>> arm.at(1.0)  # 1 m from the start, which is at x = 2 m
         arm.at_point(3, 0)
         """
-        if coordinates:
-            raise TypeError(
-                f"`at` of beam {self.name!r} takes one number, the distance from the start of the beam. Use"
-                " `at_point(x, y)` for a position in the drawing."
-            )
         slack = 1e-9 * self.length
         if not -slack <= real("s", s) <= self.length + slack:
             raise ValueError(

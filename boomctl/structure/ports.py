@@ -72,15 +72,7 @@ class Ports:
     __repr__ = compact
 
     @classmethod
-    def of_forces(
-        cls,
-        inputs: tuple[str, ...],
-        columns: Array,
-        outputs: tuple[str, ...],
-        lines: Array,
-        bandwidths: tuple[float | None, ...] | None = None,
-        units: Mapping[str, str] | None = None,
-    ) -> "Ports":
+    def of_forces(cls, inputs: tuple[str, ...], columns: Array, outputs: tuple[str, ...], lines: Array) -> "Ports":
         """Return the ports of force inputs (columns, (n, m)) and outputs (lines, (3, p, n)) without feedthrough."""
         n, m, p = columns.shape[0], len(inputs), len(outputs)
         B = np.zeros((3, n, m))
@@ -93,8 +85,7 @@ class Ports:
             E=np.zeros((3, p, m)),
             moved=(False,) * m,
             integrators=(0,) * m,
-            bandwidths=bandwidths or (None,) * p,
-            units=units or {},
+            bandwidths=(None,) * p,
         )
 
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
@@ -151,13 +142,9 @@ class Ports:
         first_in, first_out = np.abs(W_in).argmax(axis=0).tolist(), np.abs(W_out).argmax(axis=0).tolist()
         into = list(zip(inputs, (self.inputs[k] for k in first_in), strict=True))
         out = list(zip(outputs, (self.outputs[k] for k in first_out), strict=True))
-        pairs, primary = [(new, old, self.units.get(old, "")) for new, old in into + out], None
-        if self.primary is not None:
-            ins_wanted, outs_wanted = self.primary
-            primary = (
-                tuple(new for new, old in into if old in ins_wanted),
-                tuple(n for n, old in out if old in outs_wanted),
-            )
+        pairs, first = [(new, old, self.units.get(old, "")) for new, old in into + out], self.primary
+        if first is not None:
+            first = tuple(n for n, old in into if old in first[0]), tuple(n for n, old in out if old in first[1])
         return Ports(
             inputs=inputs,
             outputs=outputs,
@@ -167,7 +154,7 @@ class Ports:
             moved=tuple(self.moved[k] for k in first_in),
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
-            primary=primary,
+            primary=first,
             strains=None if self.strains is None else self.strains @ W_in,
             tensions=None if self.tensions is None else W_out.T @ self.tensions,
             units={new: unit if new == old else half_unit(unit, new) for new, old, unit in pairs},

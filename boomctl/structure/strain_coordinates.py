@@ -57,10 +57,10 @@ class StrainForm:
         """Number of coordinates that are not rigid motions."""
         return len(self.V) - self.rigid
 
-    @property
-    def K(self) -> Array:
-        """Stiffness."""
-        return np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
+    @cached_property
+    def matrices(self) -> tuple[Array, Array, Array]:
+        """Mass, damping and stiffness matrix over these coordinates."""
+        return self.N.T @ self.N, self.C, np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
 
     def seen(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
@@ -75,6 +75,11 @@ class StrainForm:
             reads = ports.tensions.any(axis=1)
             L[0, reads] = ports.tensions[reads] @ self.forces
         return B, L
+
+    def in_modes(self, ports: Ports) -> tuple[Array, Array]:
+        """Return the matrices ``B`` and ``L`` of inputs and outputs over undamped modes."""
+        (B, L), own = self.seen(ports), self.own_modes[1]
+        return own.T @ B, L @ own
 
     def modes(self) -> tuple[Array, Array]:
         """Return undamped frequencies [rad/s], ascending, and mass-normalized shapes over the old coordinates.
@@ -105,34 +110,29 @@ class StrainForm:
         They are the inverse of the eigenvalues of ``1/s``.
         """
         r, n = self.strains, len(self.V) - self.free
-        M, C = (self.N.T @ self.N)[:n, :n], self.C[:n, :n]
+        M, C, K = (matrix[:n, :n] for matrix in self.matrices)
         still = np.zeros(2 * self.free)
         companion = blocks([[np.zeros((n, n)), np.eye(n)], [-M, -C]])
         if n == r:
             slowness = linalg.eigvals(companion)
             return np.concatenate([still, 1.0 / slowness[slowness != 0.0]])
-        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), self.K[:n, :n]), homogeneous_eigvals=True)
+        alpha, beta = linalg.eigvals(companion, linalg.block_diag(np.eye(n), K), homogeneous_eigvals=True)
         return np.concatenate([still, (beta / alpha)[alpha != 0.0]])
 
 
-def _spread(S: Array) -> tuple[Array, Array]:
-    """Return the rows that are not zero at size one, and their singular values."""
+def _spread(S: Array) -> Array:
+    """Return the singular values of the rows that are not zero, each at size one."""
     size = np.linalg.norm(S, axis=1)
-    unit = S[size > 0.0] / size[size > 0.0][:, None]
-    return unit, np.linalg.svd(unit, compute_uv=False)
-
-
-def _motions(unit: Array) -> Array:
-    """Return all right singular vectors of such rows, as columns."""
-    return np.linalg.svd(unit, full_matrices=len(unit) < unit.shape[1])[2].T
+    return np.linalg.svd(S[size > 0.0] / size[size > 0.0][:, None], compute_uv=False)
 
 
 def parted(lines: Array) -> tuple[Array, int]:
     """Return an orthogonal combination of motions that lines read, and how many, the last ones, they do not see."""
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
-    unit, spread = _spread(lines)
-    return _motions(unit), lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
+    size = np.linalg.norm(lines, axis=1)
+    _, spread, motions = np.linalg.svd(lines[size > 0.0] / size[size > 0.0][:, None])
+    return motions.T, lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
 
 
 def _even(rows: Array) -> Array:
@@ -175,19 +175,19 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     """
     n, given = S.shape[1], S
     S = given * column
-    unit, spread = _spread(S)
-    if spread[min(unit.shape) - 1] < _CLEAR:
+    spread = _spread(S)
+    if spread[-1] < _CLEAR:
         column = _even(rows)
         S = given * column
-        unit, spread = _spread(S)
+        spread = _spread(S)
     r = int((spread > SUMMED * spread[0]).sum())
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
     T, places, tau, _, _ = lapack.dgeqp3(S[order])
     V, Q = np.zeros((n, n)), np.zeros_like(S)
     Q[:, :r] = lapack.dorgqr(T[:, : len(tau)], tau)[0][:, :r]
     V[places[:r] - 1, :r] = blas.dtrsm(1.0, T[:r, :r], np.eye(r))
-    if r < n:
-        V[:, r:] = _motions(unit)[:, r:]
+    V[places[:r] - 1, r:] = -V[places[:r] - 1, :r] @ T[:r, r:]
+    V[places[r:] - 1, r:] = np.eye(n - r)
     V *= column[:, None]
     return V, Q, order, r
 
@@ -212,4 +212,5 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     damped[:, n - free :] = 0.0
     forces = np.zeros_like(R)
     forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
-    return StrainForm(V, inertia @ V, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)
+    N = np.triu(lapack.dgeqrf(inertia @ V)[0][:n])
+    return StrainForm(V, N, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)

@@ -93,25 +93,19 @@ class Mirror:
 
 @lru_cache(maxsize=_KEPT)
 def _half_signals(mirror: Mirror, names: tuple[str, ...], parity: int) -> tuple[Array, tuple[str, ...]] | None:
-    place = {name: i for i, name in enumerate(names)}
     columns, stems, covered = [], [], set()
     for pair in mirror.pairs:
-        have = [name for name in (pair.right, pair.left) if name in place]
-        if not have:
+        sides = (pair.right,) if pair.left is None else (pair.right, pair.left)
+        have = [name for name in sides if name in names]
+        if have and len(have) < len(sides):
+            return None
+        covered.update(have)
+        if not have or (pair.left is None and pair.parity != parity):
             continue
         column = np.zeros(len(names))
-        if pair.left is None:
-            column[place[pair.right]] = 1.0 if pair.parity == parity else 0.0
-            label = pair.stem
-        elif len(have) < 2:
-            return None
-        else:
-            column[place[pair.right]], column[place[pair.left]] = np.sqrt(0.5), parity * np.sqrt(0.5)
-            label = f"{pair.stem}_{'sym' if parity > 0 else 'anti'}"
-        covered.update(have)
-        if column.any():
-            columns.append(column)
-            stems.append(label)
+        column[[names.index(name) for name in sides]] = 1.0 if pair.left is None else np.sqrt([0.5, 0.5]) * (1, parity)
+        columns.append(column)
+        stems.append(pair.stem if pair.left is None else f"{pair.stem}_{'sym' if parity > 0 else 'anti'}")
     if covered != set(names):
         return None
     W = np.array(columns).reshape(-1, len(names)).T

@@ -202,7 +202,8 @@ def test_a_filter_that_decays_within_a_sample_hides_no_norm(dt):
         structure = Structure.of(np.eye(2), 0.3 * np.eye(2), np.array([[1.0 + k, -k], [-k, k]]), ("p", "q"))
         lines = np.zeros((3, 2, 2))
         lines[0, 0], lines[2, 1] = [1.0, 0.0], [0.0, 1.0]
-        return SecondOrderModel.of(structure, Ports.of_forces(("u", "w"), np.eye(2), ("y", "a"), lines, (None, 20.0)))
+        ports = Ports.of_forces(("u", "w"), np.eye(2), ("y", "a"), lines)
+        return SecondOrderModel.of(structure, replace(ports, bandwidths=(None, 20.0)))
 
     family = AffineFamily.from_function({"stiffness": (0.9, 1.1)}, make)
     K = control.ss([[0.3]], [[1.0]], [[-0.05]], [[-0.05]], dt, inputs="y", outputs="u")

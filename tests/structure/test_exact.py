@@ -1,10 +1,17 @@
-"""Exact beams: textbook roots, the beam equation in fifty digits, and a count that misses no mode."""
+"""Exact beams: textbook roots, the beam equation in many digits, segments of any length, and stated rounding."""
 
+import warnings
+
+import mpmath as mp
 import numpy as np
 import pytest
 from hypothesis import given
+from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.boom.exact import exact_boom
+from boomctl.boom.model import ACTUATORS, boom_assembly
+from boomctl.exceptions import AccuracyWarning
 from boomctl.lab.benchmark.high_precision import exact_response
 from boomctl.structure import (
     GROUND,
@@ -15,11 +22,17 @@ from boomctl.structure import (
     FiniteElements,
     Force,
     Output,
+    SpringDamper,
     fixed,
     planar,
     revolute,
 )
+from boomctl.structure.beams.dynamic_stiffness import strain_functions
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
+from boomctl.structure.beams.exact import PROMISED
+from boomctl.structure.displacement_input import prescribe_displacement
+from tests.fifty_digits import damped_eigenvalues
+from tests.profiles import examples
 from tests.references import ROOTS, natural_frequencies
 from tests.strategies import random_stepped_beam, seeds
 
@@ -83,3 +96,147 @@ def test_the_exact_boom_solves_the_beam_equation(inputs, outputs, rows, columns)
     truth = exact_response(p, omega)
     found = bc.exact_frequency_response(p, omega, inputs, outputs).frdata
     assert (np.abs(found - truth[rows][:, columns]) < 1e-12 * np.abs(truth[:, columns]).max(axis=0)).all()
+
+
+DIGITS = 160  # of the reference: the hundredth mode's exponentials take some hundred
+
+
+def error(found, truth):
+    """Return how far a response is off, of the largest output to each input at each frequency."""
+    return (np.abs(found - truth).max(axis=0) / np.abs(truth).max(axis=0)).max()
+
+
+@given(st.floats(-4.0, 2.0))
+def test_strain_functions_equal_their_quotients_in_sixty_digits(exponent):
+    """To the last digits, also where all but the strains' own are as small as ``z^4``."""
+    z = 10.0**exponent
+    with mp.workdps(60 + int(z)):
+        x = mp.sqrt(mp.sqrt(mp.mpf(z**4)))
+        ch, sh, c, s = mp.cosh(x), mp.sinh(x), mp.cos(x), mp.sin(x)
+        below = 1 - ch * c
+        f1, f2, f3 = x**3 * (ch * s + sh * c) / below, x**2 * sh * s / below, x * (ch * s - sh * c) / below
+        f4, f5, f6 = -(x**3) * (sh + s) / below, x**2 * (ch - c) / below, x * (sh - s) / below
+        exact = [
+            2 * (f1 + f4),
+            f5 - f2,
+            (f3 - f6) / 2,
+            (f1 - f4) / 2 - 2 * (f2 + f5) + 2 * (f3 + f6),
+            f3 + f6 - (f2 + f5) / 2,
+            (f3 + f6) / 2,
+        ]
+        exact = np.array([float(value) for value in exact])
+        amplification = float(abs(x * (sh * c - ch * s) / below)) + 10
+    values, sizes = strain_functions(np.array([z**4], dtype=complex))
+    assert (np.abs(values[:, 0] - exact) < 4e-15 * amplification * sizes[:, 0]).all()
+    if z < 2.0:
+        assert np.abs(values[:, 0] / exact - 1.0).max() < 1e-14
+
+
+@pytest.mark.parametrize("distance", [1e-5, 1e-3, 6.0])
+@pytest.mark.parametrize("change", [{}, {"spring_stiffness": 0.0}, {"stiffness_damping": 0.0, "hinge_damping": 0.0}])
+def test_the_boom_solves_the_beam_equation_at_any_spring_distance(distance, change):
+    """From 1e-4 Hz to the hundredth mode, and says nothing of rounding."""
+    p = bc.BoomParameters(spring_distance=distance, **change)
+    omega = 2 * np.pi * np.array([1e-4, 0.3, 9.1, 2400.0])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AccuracyWarning)
+        found = bc.exact_frequency_response(p, omega).frdata
+    assert error(found, exact_response(p, omega, DIGITS)) < PROMISED
+
+
+@pytest.mark.slow
+@given(st.floats(-5.0, 1.07), st.floats(-4.0, 3.5), st.sampled_from([0.0, 1e-6, 1e-4]), st.floats(0.0, 4.0))
+def test_no_response_is_further_off_than_is_promised_or_said(distance, frequency, damping, softness):
+    """Random booms and frequencies, springs from usual to 1e-4 of that."""
+    p = bc.BoomParameters(
+        spring_distance=10.0**distance, stiffness_damping=damping, spring_stiffness=1100.0 * 10.0**-softness
+    )
+    omega = np.array([10.0**frequency])
+    truth = exact_response(p, omega, DIGITS)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always", AccuracyWarning)
+        found = bc.exact_frequency_response(p, omega).frdata
+    assert said or error(found, truth) < PROMISED
+
+
+@pytest.mark.parametrize("away", [1e-8, 1e-11])
+def test_rounding_that_may_show_is_said_with_its_size(away):
+    """Beside an undamped resonance: a frequency of sixteen digits does not tell how far away it is."""
+    p = bc.BoomParameters(stiffness_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    omega = np.array([undamped_frequencies(exact_boom(p), 4)[3] * (1.0 + away)])
+    with pytest.warns(AccuracyWarning, match=r"may be as much as .* rad/s|rad/s may be as much as") as said:
+        found = bc.exact_frequency_response(p, omega).frdata
+    limit = float(str(said[0].message).split("as much as ")[1].split(" of")[0])
+    off = error(found, exact_response(p, omega, DIGITS))
+    assert off < 1.05 * limit  # said to one digit
+    assert limit < 1e6 * max(off, 1e-16)
+
+
+@pytest.mark.parametrize("distance", [1e-5, *(pytest.param(d, marks=pytest.mark.slow) for d in (1e-3, 6.0, 11.9))])
+def test_eigenfrequencies_of_the_boom_at_any_spring_distance(distance):
+    p = bc.BoomParameters(spring_distance=distance)
+    still = bc.BoomParameters(spring_distance=distance, stiffness_damping=0.0, hinge_damping=0.0, cradle_damping=0.0)
+    found = bc.exact_eigenfrequencies_hz(p, 6, damped=False)
+    truth = damped_eigenvalues(still, 2j * np.pi * found * (1.0 + 1e-9), 50).imag / (2.0 * np.pi)
+    assert found == pytest.approx(truth, rel=1e-10)
+    damped = bc.exact_eigenfrequencies_hz(p, 6)
+    half, spring = p.length / 2, p.spring_distance / 2
+    outer = np.linspace(-half, -spring, 5)
+    mesh = FiniteElements(tuple(np.concatenate([outer, [0.0], -outer[::-1]]) + half), 12)
+    elements = prescribe_displacement(boom_assembly(p, mesh).assemble(), ACTUATORS)
+    poles = elements.structure.strain_form.poles()
+    near = poles[np.argmin(np.abs(poles.imag[:, None] / (2 * np.pi) - damped[None, :]), axis=0)]
+    exact = damped_eigenvalues(p, near, 50)
+    assert damped == pytest.approx(np.sort(exact.imag) / (2.0 * np.pi), rel=1e-10)
+
+
+def cantilever(lengths, soft=1.0):
+    """Return a clamped beam in sections, with a spring to ground at its end, pushed and read there."""
+    sections = tuple(BeamSegment(float(length), 2.5, 4000.0, 1e-5) for length in lengths)
+    part = Beam("beam", GROUND.at(0.0), fixed(), (0.0, 0.0), sections, FiniteElements(len(sections)))
+    end = part.end
+    spring = SpringDamper(end, GROUND.at(part.length), "y", soft, 1e-3)
+    return Assembly((part,), (spring,), (Force("f", end, "y"),), (Output("y", end, "y"),))
+
+
+@given(seeds)
+@examples(40)
+def test_a_beam_with_a_short_section_is_the_beam_without(seed):
+    """Short ones of 1e-6 to all of the beam, up to three; frequencies from far below the first mode to the thirtieth."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(1, 4))
+    short = 10.0 ** rng.uniform(-6.0, 0.0, count)
+    rest = rng.dirichlet(np.ones(count + 1)) * 12.0
+    lengths = np.concatenate([np.stack([rest[:-1], short], axis=1).ravel(), rest[-1:]])
+    omega, soft = 10.0 ** rng.uniform(-3.0, 4.0, 6), 10.0 ** rng.uniform(-4.0, 3.0)
+    whole, parts = cantilever([lengths.sum()], soft).to_exact(), cantilever(lengths, soft).to_exact()
+    assert error(parts.response(omega, ["f"], ["y"]), whole.response(omega, ["f"], ["y"])) < PROMISED
+    assert undamped_frequencies(parts, 4) == pytest.approx(undamped_frequencies(whole, 4), rel=PROMISED)
+
+
+@given(seeds)
+@examples(40)
+def test_a_free_beam_moves_as_a_rigid_one_at_low_frequency(seed):
+    """``y = -F (1/m + x^2/J)/omega^2``, however stiff its segments; as a whole they strain nothing, to the last digit."""
+    rng = np.random.default_rng(seed)
+    lengths = 10.0 ** rng.uniform(-4.0, 0.5, 3)
+    sections = tuple(BeamSegment(float(length), 2.5, 4e6) for length in lengths)
+    part = Beam("beam", GROUND.at(0.0), planar("y", "theta"), (0.0, 0.0), sections, FiniteElements(3))
+    end, total = part.end, lengths.sum()
+    machine = Assembly((part,), (), (Force("f", end, "y"),), (Output("y", end, "y"),)).to_exact()
+    omega = np.array([1e-5])
+    expected = -4.0 / (2.5 * total * omega**2)
+    assert machine.response(omega, ["f"], ["y"])[0, 0].real == pytest.approx(expected, rel=1e-11)
+    assert machine.strains.at_rest.rigid == 2
+    with pytest.raises(ValueError, match="the structure moves freely"):
+        machine.response(np.zeros(1), ["f"], ["y"])
+
+
+@pytest.mark.parametrize("distance", [1e-5, 1e-3, 1.318])
+def test_at_rest_the_boom_with_springs_stands_and_without_is_free(distance):
+    """A short segment is no reason to believe that it moves freely; without springs it does."""
+    p = bc.BoomParameters(spring_distance=distance, hinge_damping=0.0)
+    rest, slow = (bc.exact_frequency_response(p, w).frdata for w in ([0.0], [1e-12]))
+    assert np.abs(rest - slow).max() < 1e-6 * np.abs(rest).max()
+    with pytest.raises(ValueError, match="the structure moves freely"):
+        bc.exact_frequency_response(bc.BoomParameters(spring_distance=distance, spring_stiffness=0.0), [0.0])

@@ -11,7 +11,7 @@ import boomctl as bc
 from boomctl.boom.exact import exact_boom
 from boomctl.exceptions import AccuracyWarning
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from tests.profiles import examples
 
 P = bc.BoomParameters()

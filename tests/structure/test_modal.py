@@ -10,7 +10,7 @@ from boomctl.structure import (
     SecondOrderModel,
     prescribe_displacement,
 )
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.poles import damped_poles
 from tests.references import dense, natural_frequencies
 from tests.strategies import random_machine, random_stepped_beam, seeds, structures

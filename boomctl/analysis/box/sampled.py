@@ -22,7 +22,7 @@ from boomctl.lti.rounding import SOLVED
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family, Slope
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.realization import realize
 
 _EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)

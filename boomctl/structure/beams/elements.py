@@ -46,8 +46,7 @@ class FiniteElements:
     order: int = 3
 
     def __post_init__(self) -> None:
-        if isinstance(self.elements, (int, np.integer)):
-            whole("elements", self.elements, most=MOST_ELEMENTS)
+        object.__setattr__(self, "elements", _elements(self.elements))
         whole("order", self.order, 3, 20)
 
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
@@ -107,8 +106,7 @@ class DiscreteElements:
     mass: str = "hermite"
 
     def __post_init__(self) -> None:
-        if isinstance(self.elements, (int, np.integer)):
-            whole("elements", self.elements, most=MOST_ELEMENTS)
+        object.__setattr__(self, "elements", _elements(self.elements))
         known("mass allocation", self.mass, ("hermite", "linear", "lumped"))
 
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
@@ -131,10 +129,10 @@ class DiscreteElements:
         ValueError
             An attachment is not at one of the node stations given, or there are fewer elements than intervals.
         """
-        if isinstance(self.elements, (int, np.integer)):
+        if isinstance(self.elements, int):
             marks = element_nodes(beam, (0.0, *distinct(attachments, beam.length), beam.length))
             why = f"beam {beam.name!r} has {len(marks) - 1} intervals between attachments"
-            nodes = shared_out(marks, whole("elements", self.elements, most=MOST_ELEMENTS), why)
+            nodes = shared_out(marks, self.elements, why)
         else:
             nodes = element_nodes(beam, self.elements)
         for station in attachments:
@@ -144,6 +142,13 @@ class DiscreteElements:
                     " which is not a mass allocation point; expected a node there"
                 )
         return element_mesh(nodes, element_sections(beam, nodes), 3, self.mass)
+
+
+def _elements(elements: int | Sequence[float]) -> int | tuple[float, ...]:
+    """Return a checked number of elements, or their node stations."""
+    if isinstance(elements, (int, np.integer)):
+        return whole("elements", elements, most=MOST_ELEMENTS)
+    return tuple(finite_array("elements", elements, ndim=1).tolist())
 
 
 def distinct(stations: Sequence[float], length: float) -> list[float]:
@@ -174,11 +179,11 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
     """
     length = beam.length
     ends = np.cumsum([section.length for section in beam.segments])[:-1]
-    if isinstance(elements, (int, np.integer)):
+    if isinstance(elements, int):
         marks = np.concatenate([[0.0], ends, [length]])
-        nodes = shared_out(marks, whole("elements", elements), f"beam {beam.name!r} has {len(marks) - 1} segments")
+        nodes = shared_out(marks, elements, f"beam {beam.name!r} has {len(marks) - 1} segments")
     else:
-        nodes = finite_array(f"node stations of beam {beam.name!r}", elements, ndim=1)
+        nodes = np.array(elements, dtype=float)
         if len(nodes) < 2 or not (np.diff(nodes) > 0.0).all():
             raise ValueError(f"node stations of beam {beam.name!r}: expected at least two, ascending")
         if abs(nodes[0]) > 1e-9 * length or abs(nodes[-1] - length) > 1e-9 * length:

@@ -389,14 +389,8 @@ def _eliminate(n: int, D: Entries, B: list[Array]) -> tuple[Array, Array]:
             for i, factor in factors[k]:
                 value -= factor * rhs[i]
             rhs[k] = value
-        quotients = np.empty((n, len(inverse[0])), dtype=complex)
-        for k in range(n):
-            np.multiply(D[k, k], inverse[k], out=quotients[k])
-        left = quotients.view(float)
-        np.abs(left, out=left)
-        lost = np.zeros(left.shape[1] // 2, dtype=bool)
-        if not left.max(initial=0.0) <= _CANCELLED:
-            lost = ~(left.reshape(n, -1, 2).max(axis=(0, 2)) <= _CANCELLED)
+        quotients = np.array([D[k, k] * factor for k, factor in enumerate(inverse)])
+        lost = ~(_size(quotients).max(axis=0, initial=0.0) <= _CANCELLED)
     return np.array(rhs), lost
 
 

@@ -10,14 +10,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import EPS, SUMMED
+from boomctl.lti.rounding import EPS
 from boomctl.structure.beams.dynamic_stiffness import strain_functions, strain_lines, strain_terms
 from boomctl.structure.beams.terms import Lines, kinds_of, term_weights, unit_terms
 from boomctl.structure.layout import Weights
 from boomctl.structure.parts import BeamSegment
+from boomctl.structure.strain_coordinates import unstrained
 
 _SOFTEST = 1e-100  # Of the largest stiffness: the scale of the elongation of a softer spring would overflow.
 _SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding is alike from 0.5 to 2.
@@ -88,26 +88,6 @@ def beside(left: Lines, right: Lines) -> Lines:
     return np.hstack([left[0], right[0]]), np.hstack([left[1], right[1]]), np.hstack([left[2], right[2]])
 
 
-def _coordinates(rows: Array) -> tuple[Array, Array, int]:
-    """Return ``V`` for weighted rows, ``rows V``, and how many of its last columns strain nothing."""
-    n = rows.shape[1]
-    if not len(rows):
-        return np.eye(n), rows, n
-    unit = rows / np.linalg.norm(rows, axis=1)[:, None]
-    reach = np.linalg.norm(unit, axis=0)
-    unit = unit / np.where(reach > 0.0, reach, 1.0)
-    spread = np.linalg.svd(unit / np.linalg.norm(unit, axis=1)[:, None], compute_uv=False)
-    r = int((spread > SUMMED * spread[0]).sum())
-    order = np.argsort(-np.abs(rows).max(axis=1), kind="stable")  # what Householder's method needs to keep soft rows
-    Q, T, places = linalg.qr(rows[order], mode="economic", pivoting=True)
-    V, strained = np.zeros((n, n)), np.zeros(rows.shape)
-    V[places[:r], :r] = linalg.solve_triangular(T[:r, :r], np.eye(r))
-    V[places[:r], r:] = -linalg.solve_triangular(T[:r, :r], T[:r, r:])
-    V[places[r:], r:] = np.eye(n - r)
-    strained[order, :r] = Q[:, :r]
-    return V, strained, n - r
-
-
 @dataclass(frozen=True, eq=False)
 class StrainSystem:
     """Rows of a structure with exact beams, ready for strain coordinates at any frequency.
@@ -149,7 +129,11 @@ class StrainSystem:
         stiff = weights.k > _SOFTEST * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
         rows = np.concatenate([strains, np.sqrt(weights.k)[:, None] * R])
         used = np.concatenate([np.repeat(short, 2), stiff]) & rows.any(axis=1)
-        V, strained, rigid = _coordinates(rows[used])
+        V, strained, r = np.eye(n), rows[used], 0
+        if used.any():
+            reach = np.linalg.norm(strained / np.linalg.norm(strained, axis=1)[:, None], axis=0)
+            V, Q, order, r = unstrained(strained, strained, 1.0 / np.where(reach > 0.0, reach, 1.0))
+            strained = Q[np.argsort(order)]
         unit, count = np.sqrt(np.where(stiff, weights.k, 1.0)), len(strains)
 
         def numbers(size: Callable[[Array], Array]) -> Array:
@@ -163,7 +147,7 @@ class StrainSystem:
             loads = np.hstack([np.zeros((n, n)), T.T @ size(self.forces)])
             return np.tensordot(term_weights(weights, segments), unit_terms(own, both, loads, strain_terms), 1)
 
-        self._known[key] = StrainEquations(V, rigid, kinds_of(segments), numbers(np.asarray), numbers(np.abs))
+        self._known[key] = StrainEquations(V, n - r, kinds_of(segments), numbers(np.asarray), numbers(np.abs))
         return self._known[key]
 
     def groups(self, s: Array) -> list[tuple[Array, StrainEquations]]:

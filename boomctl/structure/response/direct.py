@@ -16,12 +16,10 @@ dense solutions     the others                                    always holds; 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import warn_user
-from boomctl.exceptions import AccuracyWarning
-from boomctl.lti.rounding import EPS, SOLVED, VISIBLE
-from boomctl.structure.matrices import Structure, halves
+from boomctl.lti.rounding import EPS, SOLVED, VISIBLE, warn_of_rounding
+from boomctl.structure.matrices import Structure, dynamic_stiffness, halves
 from boomctl.structure.ports import Ports, evaluate
-from boomctl.structure.response.modes import respond_by_modes
+from boomctl.structure.response.by_modes import respond_by_modes
 
 _MODES_FROM = 1500  # Frequencies times coordinates; for fewer, dense solutions are faster.
 _ENTRIES = 10_000_000  # Of the matrices of all frequencies that are solved together: 0.3 GB.
@@ -37,7 +35,7 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
     Warns
     -----
     AccuracyWarning
-        The rounding estimate exceeds 1e-4: the mesh is finer than double precision carries.
+        Of matrices without rows: the rounding estimate exceeds 1e-4.
     """
     p, m, mirror = len(ports.outputs), len(ports.inputs), structure.mirror
     if available is not None and mirror is not None:
@@ -47,9 +45,8 @@ def respond(structure: Structure, ports: Ports, omega: Array, available: Ports |
     if parts is None:
         return respond_whole(structure, ports, omega)
     total = np.zeros((p, m, len(omega)), dtype=complex)
-    for part in parts:
-        values = respond_whole(part.structure, part.ports, omega)
-        total += part.W_in[:m] @ np.tensordot(part.W_out[:p], values, 1)
+    for part, signals, W_in, W_out in parts:
+        total += W_in[:m] @ np.tensordot(W_out[:p], respond_whole(part, signals, omega), 1)
     return total
 
 
@@ -63,12 +60,12 @@ def respond_whole(structure: Structure, ports: Ports, omega: Array) -> Array:
 
 def _check_static(structure: Structure) -> None:
     """Raise if the structure can move freely, so that its static response is infinite."""
-    form, mass = structure.strain_form, np.abs(structure.M.diagonal())
-    scale = np.sqrt(np.where(mass > 0.0, mass, 1.0))
-    if form is not None:
-        free = form.rigid > 0
-    else:  # a chain that is locked has no coordinates
+    form, scale = structure.strain_form, np.sqrt(np.abs(structure.M.diagonal()))
+    scale[scale == 0.0] = 1.0
+    if form is None:  # A chain that is locked has no coordinates.
         free = structure.n > 0 and SOLVED * np.linalg.cond(structure.K / np.outer(scale, scale)) >= 1.0
+    else:
+        free = form.rigid > 0
     if free:
         raise ValueError("omega = 0: the structure moves freely (a rigid-body mode), its static response is infinite")
 
@@ -82,39 +79,31 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
         The structure has an undamped resonance exactly at one of the frequencies.
     """
     s, form, B, L = 1j * omega, structure.strain_form, ports.B, ports.L
-    noisy = structure.noise > _UNEVEN * float(omega.max(initial=0.0)) ** 2
+    matrices = structure.matrices if form is None else form.matrices
     if form is not None:
-        structure, (B, L) = structure.in_strains, form.seen(ports)
-    if noisy:
-        _warn_of_rounding(structure, ports, np.eye(structure.n) if form is None else form.V, s)
+        B, L = form.seen(ports)
     pieces = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
     try:
-        X = np.concatenate([np.linalg.solve(structure.at(part), evaluate(B, part)) for part in pieces])
+        X = np.concatenate([np.linalg.solve(dynamic_stiffness(matrices, part), evaluate(B, part)) for part in pieces])
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"
         ) from None
     Y = evaluate(L, s) @ X + evaluate(ports.E, s)
+    if form is None and structure.noise > _UNEVEN * float(omega.max(initial=0.0)) ** 2:
+        _warn_of_rounding(structure, ports, s, X, Y)
     return ports.conditioned(s, Y.transpose(1, 2, 0))
 
 
-def _warn_of_rounding(structure: Structure, ports: Ports, V: Array, s: Array) -> None:
-    """Warn if rounding may be visible in the largest output, where motions ``V`` are pushed and read through ports.
+def _warn_of_rounding(structure: Structure, ports: Ports, s: Array, X: Array, Y: Array) -> None:
+    """Warn if rounding may be visible in the largest output ``Y`` of coordinates ``X`` that matrices alone are known of.
 
-    An imposed displacement acts through the stiffness beside it, as forces that nearly cancel: beside a short element they
-    are so large that what is left of them is rounding.  So is a soft spring beside a stiff one in a stiffness matrix.
+    A soft spring next to a stiff one is rounded in a stiffness matrix; so are forces that nearly cancel.
     """
-    at, seen, size = structure.at(s), ports.congruent(V), np.abs(V)
-    largest_B, largest_L = (evaluate(np.abs(terms), np.abs(s)).real for terms in (ports.B, ports.L))
-    try:
-        X = np.linalg.solve(at, evaluate(seen.B, s))
-        reading = np.abs(np.linalg.solve(at.transpose(0, 2, 1), evaluate(seen.L, s).transpose(0, 2, 1)))
-    except np.linalg.LinAlgError:
-        return  # an undamped resonance, which is refused where it is asked for
-    acting = size.T @ largest_B + np.abs(structure.K.diagonal())[:, None] * np.abs(X)
-    moved = EPS * (reading.transpose(0, 2, 1) @ acting + largest_L @ size @ np.abs(X)).max(axis=1, initial=0.0)
-    Y = np.abs(evaluate(seen.L, s) @ X + evaluate(ports.E, s)).max(axis=1, initial=0.0)
-    rounding = float((moved[Y > 0] / Y[Y > 0]).max(initial=0.0))
-    if rounding > VISIBLE:
-        message = f"rounding error of the frequency response is estimated at {rounding:.1g} of its size"
-        warn_user(f"{message}: the mesh is finer than double precision carries", AccuracyWarning)
+    D, lines = dynamic_stiffness(structure.matrices, s), evaluate(ports.L, s)
+    reading = np.abs(np.linalg.solve(D.transpose(0, 2, 1), lines.transpose(0, 2, 1)))
+    pushed, read = (evaluate(np.abs(terms), np.abs(s)).real for terms in (ports.B, ports.L))
+    acting = pushed + np.abs(structure.K.diagonal())[:, None] * np.abs(X)
+    moved = EPS * (reading.transpose(0, 2, 1) @ acting + read @ np.abs(X)).max(axis=1, initial=0.0)
+    size = np.abs(Y).max(axis=1, initial=0.0)
+    warn_of_rounding("the frequency response", float((moved[size > 0] / size[size > 0]).max(initial=0.0)), VISIBLE)

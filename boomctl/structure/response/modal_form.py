@@ -1,4 +1,4 @@
-"""Undamped modes, and state spaces over them.
+"""State spaces over undamped modes.
 
 Over nodal coordinates a state matrix holds ``M^-1 K``, whose rounding is that of its stiffest element: 100 elements of a
 beam leave the slow modes eight digits, however the states are scaled.  Over modes it holds each frequency once.
@@ -9,22 +9,17 @@ from dataclasses import replace
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, balance, combined
-from boomctl.lti.rounding import EPS, ROOT, VISIBLE, warn_of_rounding
+from boomctl.arrays import Array, balance
+from boomctl.lti.rounding import VISIBLE, warn_of_rounding
 from boomctl.lti.system import Lti
-from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import direct_response
+from boomctl.structure.response.modes import SMALL, undamped_modes
 from boomctl.structure.response.realization import realize
 
 MODES, COORDINATES = "modes", "coordinates"  # Values of `states`.
 
-SMALL = 60  # Coordinates up to which modes are computed in strain coordinates at once: they cost little more.
-# Noise of stiffness over mass, in units of its lowest value, above which shapes from matrices have errors above 1e-10.
-GRADED = 30.0
-_NOISE = 1e3 * EPS  # Of the largest stiffness over mass: rounding.
-_SPREAD = 1e7  # Of stiffnesses, from which on the softest mode counts as nearly floating.
 # Ratio to the largest root of a damping up to which that of a rigid-body mode is rounding: strains of such a mode are
 # some units of rounding, and a rotation of such modes mixes in the root of rounding.
 _UNDAMPED = 1e-8
@@ -34,104 +29,25 @@ _CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is che
 _MAX_ROUNDING = 1e-6  # Of a response: rounding of a state space over modes above which a warning is given.
 
 
-def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
-    """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalized mode shapes (columns).
-
-    Small structures with rows, and those whose stiffest element is too stiff for a stiffness matrix in double precision,
-    are solved in strain coordinates.  Otherwise the pencil is solved upside down, ``M v = mu (K + alpha M) v``, so that
-    the low modes are the largest eigenvalues and keep their digits on fine meshes; a Rayleigh quotient over the strain
-    rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps floating structures definite; where
-    one floats, or nearly does, the pencil is solved once more with the shift at its lowest elastic mode, or the softest
-    modes would take the others' digits.
-
-    Raises
-    ------
-    ValueError
-        ``M`` is not positive definite, ``K`` not positive semidefinite, or they are not symmetric.
-    """
-    wanted = structure.n if count is None else min(count, structure.n)
-    form = structure.strain_form if structure.n <= SMALL or structure.graded else None
-    frequencies, shapes = _inverted_modes(structure, wanted) if form is None else form.modes()
-    return frequencies[:wanted], shapes[:, :wanted]
-
-
-def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
-    """Return the lowest modes from the inverted pencil; where rounding spoils them, all from strains if these are known."""
-    M, _, K = structure.matrices
-    for name, matrix in (("M", M), ("K", K)):
-        if abs(matrix - matrix.T).max() > 1e-9 * abs(matrix).max():
-            raise ValueError(f"undamped modes need a symmetric {name}")
-    if not (M.diagonal() > 0.0).all():
-        raise ValueError("undamped modes need a positive definite M")
-    noise = _NOISE * float((np.abs(K.diagonal()) / M.diagonal()).max())
-    stiffness, shapes = _near(structure, noise, count)
-    elastic = stiffness[stiffness > 0.1 * noise]
-    if len(elastic) and (len(elastic) < len(stiffness) or stiffness[-1] > _SPREAD * elastic[0]):
-        stiffness, shapes = _near(structure, float(elastic[0]), count)
-    if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
-        return structure.strain_form.modes()
-    return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
-
-
-def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
-    """Return modes, those whose ``v^T K v`` is the rounding of its terms with a frequency of exactly zero.
-
-    The other coordinates of a shape are zero where a coordinate without stiffness moves alone: they contribute nothing to
-    the kinetic energy, and the remainder strains nothing.
-    """
-    slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
-    if not len(slow):
-        return frequencies, shapes
-    shape, exact, result = shapes[:, slow], frequencies.copy(), shapes.copy()
-    moving = np.where(np.abs(shape) * np.sqrt(structure.M.diagonal())[:, None] > _NOISE, shape, 0.0)
-    strained = np.einsum("ij,ij->j", moving, structure.K @ moving)
-    terms, left = (np.einsum("ij,ij->j", item, abs(structure.K) @ item) for item in (np.abs(shape), np.abs(moving)))
-    alone = strained <= _NOISE * left
-    exact[slow[alone | (frequencies[slow] ** 2 <= _NOISE * terms)]] = 0.0
-    result[:, slow[alone]] = moving[:, alone]
-    return exact, result
-
-
-def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]:
-    """Return modal stiffnesses, ascending, and mass-normalized shapes, found with a shift."""
-    M, K = structure.M, structure.K
-    chosen = None if count == len(M) else (len(M) - count, len(M) - 1)
-    try:
-        _, vectors = linalg.eigh(M, K + shift * M, subset_by_index=chosen)
-    except linalg.LinAlgError:
-        raise ValueError("undamped modes need a positive semidefinite K") from None
-    vectors = vectors[:, ::-1]
-    mass = np.einsum("ij,ij->j", vectors, M @ vectors)
-    if not (mass > 0.0).all():
-        raise ValueError("undamped modes need a positive definite M")
-    shapes = vectors / np.sqrt(mass)
-    strain = structure.layout.R @ shapes
-    stiffness = np.einsum("ij,ij->j", strain, weigh(structure.weights.k, strain))
-    order = np.argsort(stiffness)
-    return stiffness[order], shapes[:, order]
-
-
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
     """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
 
     What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
     is zero and not rounding.  Gyroscopic terms stay.
     """
-    moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(V.shape[1])))
+    moved = structure.projected(V, _names(frequencies))
     rigid = np.flatnonzero(frequencies == 0.0)
     if not len(rigid):
         return realize(moved, ports.congruent(V))
-    M, C, K = (matrix.copy() for matrix in moved.matrices)
-    if structure.has_strains:  # its rigid motions that dampers resist are apart from those that nothing resists
-        strain, still = structure.layout.R @ V, structure.weights.k == 0.0
-        strain[:, rigid], strain[still] = 0.0, combined(structure.layout.R[still], V)
-        C = strain.T @ weigh(structure.weights.c, strain)
-    else:
-        V, C = _resisted(V, C, rigid)
-    bending = np.setdiff1d(np.arange(len(frequencies)), rigid)
+    V, C = _resisted(V, moved.C, rigid)
+    M, K, bending = moved.M.copy(), moved.K.copy(), np.flatnonzero(frequencies)
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
     return realize(Structure.of(M, C, K, moved.coordinates), ports.felt(V, rigid))
+
+
+def _names(frequencies: Array) -> tuple[str, ...]:
+    return tuple(f"mode{i + 1}" for i in range(len(frequencies)))
 
 
 def _resisted(V: Array, C: Array, rigid: Array) -> tuple[Array, Array]:
@@ -154,6 +70,12 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
     ValueError
         An output that needs a derivative of an input.
     """
+    form = structure.strain_form
+    if form is not None:
+        frequencies, own = form.own_modes
+        B, L = form.in_modes(ports)
+        modal = Structure.of(np.eye(len(own)), own.T @ form.C @ own, np.diag(frequencies**2), _names(frequencies))
+        return _scaled(realize(modal, replace(ports, B=B, L=L)), ports, frequencies)
     try:
         frequencies, V = undamped_modes(structure)
     except ValueError:

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import whole
+from boomctl.checks import known, whole
 from boomctl.printing import listed
 from boomctl.structure.matrices import Structure
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 
 _KINDS = {1: "jolt", -1: "yaw", 0: ""}  # of symmetric and antisymmetric motion, and of others
 
@@ -90,10 +90,8 @@ class ModeShapes:
 
     def __getitem__(self, body: str) -> BodyShape:
         """Return how a body moves, by its name."""
-        for line in self.bodies:
-            if line.name == body:
-                return line
-        raise ValueError(f"unknown body {body!r} (there are: {', '.join(x.name for x in self.bodies) or 'none'})")
+        names = [line.name for line in self.bodies]
+        return self.bodies[names.index(known("body", body, names))]
 
     def _ipython_key_completions_(self) -> list[str]:
         """Return the names that consoles complete in brackets."""

@@ -9,7 +9,7 @@ from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
-from boomctl.structure.response.modal_form import GRADED, undamped_modes
+from boomctl.structure.response.modes import GRADED, undamped_modes
 
 _WHOLE = 100  # Coordinates up to which all poles are computed, so that none depends on how many are requested.
 # Least imaginary part of an oscillatory pole, relative: overdamped motions, of which many are nearly equal, leave the real
@@ -52,14 +52,18 @@ def damped_poles(structure: Structure, count: int, promised: float = PROMISED) -
     AccuracyWarning
         Rounding of the last one may be more than is ``promised``, relative.
     """
-    n, form, moving = structure.n, None, structure
-    if structure.graded or n <= max(2 * count + 20, _WHOLE):
+    form, moving = None, structure
+    if structure.graded or structure.n <= max(2 * count + 20, _WHOLE):
         form = structure.strain_form
-    basis = _pole_basis(structure, count) if form is None and n > 2 * count + 20 else None
-    if basis is not None:
-        if structure.noise > GRADED * basis[0][0] ** 2:  # poles of rigid motions are then exactly zero
-            form = structure.strain_form
-        moving = structure if form is not None else structure.projected(basis[1])
+    if form is None and structure.n > 2 * count + 20:
+        try:  # Modes and static responses to dampers are a basis for the lowest poles.
+            frequencies, V = undamped_modes(structure, 2 * count + _SPARE)
+            frequencies, V = with_statics(structure, frequencies, V, damper_forces(structure, V))
+            moving = structure.projected(V)
+            if structure.noise > GRADED * frequencies[0] ** 2:  # Poles of rigid motions are then exactly zero.
+                form = structure.strain_form
+        except ValueError:  # Matrices without real modes.
+            pass
     poles = first_order_poles(*moving.matrices) if form is None else form.poles()
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
     if len(upper) < count:
@@ -69,18 +73,6 @@ def damped_poles(structure: Structure, count: int, promised: float = PROMISED) -
         share = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())
         warn_of_rounding("the highest eigenfrequency", share, promised)
     return lowest
-
-
-def _pole_basis(structure: Structure, count: int) -> tuple[Array, Array] | None:
-    """Return undamped frequencies, and a basis for the ``count`` lowest damped poles: modes, static responses to dampers.
-
-    None for matrices without real modes.
-    """
-    try:
-        frequencies, shapes = undamped_modes(structure, 2 * count + _SPARE)
-        return with_statics(structure, frequencies, shapes, damper_forces(structure, shapes))
-    except ValueError:
-        return None
 
 
 def with_statics(

@@ -105,19 +105,16 @@ def _check_proper(ports: Ports, once: Array, twice: Array, resisted: Array, solv
     driven = size(ports.B[1] * (order == 0)) + size(resisted)
     size_once = L1 * size(ports.B[2] * (order == 0)) + L2 * driven + np.abs(ports.E[1] * (order < 1))
     size_twice = L2 * size(ports.B[2] * (order < 2)) + np.abs(ports.E[2] * (order < 2))
-    for o, output in enumerate(ports.outputs):
-        if ports.bandwidths[o] is not None:
-            continue
-        for value, scale, wanted in (
-            (twice, size_twice, "acceleration"),
-            (once, size_once, "velocity or acceleration"),
-        ):
-            needed = np.flatnonzero((np.abs(value[o]) > SUMMED * scale[o]) & np.array(ports.moved, dtype=bool))
-            if len(needed):
-                raise ValueError(
-                    f"output {output!r} needs a derivative of input {ports.inputs[needed[0]]!r}: impose its {wanted},"
-                    " give the output a bandwidth, or leave one of them out"
-                )
+    moved, plain = np.array(ports.moved, dtype=bool), np.array([b is None for b in ports.bandwidths], dtype=bool)
+    for value, scale, wanted in (
+        (twice, size_twice, "acceleration"),
+        (once, size_once, "velocity or acceleration"),
+    ):
+        for o, i in np.argwhere((np.abs(value) > SUMMED * scale) & moved & plain[:, None]).tolist():
+            raise ValueError(
+                f"output {ports.outputs[o]!r} needs a derivative of input {ports.inputs[i]!r}: impose its {wanted},"
+                " give the output a bandwidth, or leave one of them out"
+            )
 
 
 def _filtered(ports: Ports, rates: Array, y: Array, parts: list[Array]) -> tuple[Array, Array, list[str]]:

@@ -24,7 +24,7 @@ from boomctl.lti.rounding import SUMMED
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.simulation.loop import simulate_loop
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import undamped_modes
+from boomctl.structure.response.modes import undamped_modes
 
 _STEP, _END = 1e-3, 1.0  # s: between samples, and of the motion; run times are proportional to it
 _TIME = np.linspace(0.0, _END, round(_END / _STEP) + 1)
