@@ -17,7 +17,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.lti.integrators import SpectralParts, without_integrators
 from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, EPS, ROOT, SOLVED
-from boomctl.lti.system import Lti, rates_of
+from boomctl.lti.system import Lti, parallel, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
@@ -279,16 +279,15 @@ def spectral_parts(system: Lti) -> SpectralParts:
         The two parts cannot be told apart.
     """
     chain = without_integrators(system)
-    kept, size = side_of_axis(chain.rest.poles) >= 0, np.abs(chain.rest.poles)
+    poles, dt = chain.rest.poles, system.dt
+    kept, size = sides(poles, dt) >= 0, np.abs(poles - (dt != 0.0))
     if not kept.any():
         return chain
     near = kept & (size <= ROOT * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
     parts = split(chain.rest, kept, "unstable, undamped or rigid-body poles")
-    first, second = chain.kept, parts.kept
-    A, B, C = linalg.block_diag(first.A, second.A), np.vstack([first.B, second.B]), np.hstack([first.C, second.C])
-    return SpectralParts(parts.rest, replace(first, A=A, B=B, C=C), chain.doubt + parts.doubt)
+    return SpectralParts(parts.rest, parallel(chain.kept, parts.kept), chain.doubt + parts.doubt)
 
 
 def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:

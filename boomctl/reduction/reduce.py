@@ -58,8 +58,8 @@ def reduce(
     Parameters
     ----------
     system : control.StateSpace, control.TransferFunction or SecondOrderModel
-        A discrete one is reduced as its continuous image by the bilinear map, which has the same norms and Hankel singular
-        values.
+        The stable part of a discrete one is reduced as its continuous image by the bilinear map, which has the same norms and
+        Hankel singular values.
     order : int, optional
         Number of states wanted, the kept ones included.  Fewer come back, with a warning, where fewer suffice for
         rounding, or where "modal" would have to split a pair of poles.
@@ -88,10 +88,9 @@ def reduce(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, a pole at ``z = -1``, not finite;
-        unknown method; both or none of ``order`` and ``max_error``; an
-        order above the system's or below its kept part, or one that parts equal Hankel singular values ("hankel"); an
-        `omega_range` that does not ascend, or that is too far from the poles.
+        Another kind of system, discrete time that does not say its sampling time, not finite; unknown method; both or none
+        of ``order`` and ``max_error``; an order above the system's or below its kept part, or one that parts equal Hankel
+        singular values ("hankel"); an `omega_range` that does not ascend, or that is too far from the poles.
     ReductionError
         The error exceeds its bound or could not be verified.
 

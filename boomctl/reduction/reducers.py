@@ -16,11 +16,12 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
+from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, diagonalized, residualised, spectral_parts
 from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
-from boomctl.lti.system import Lti, append
-from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, on_circle, verified
+from boomctl.lti.system import Lti, parallel
+from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.poles import undamped_modes
@@ -109,11 +110,8 @@ class StateReducer(ABC):
             raise ReductionError(
                 f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
             ) from None
-        result = verified(self.parts, stable, bound, self.band)
-        if len(kept.A):
-            A = append(kept, stable).A
-            stable = Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
-        return on_circle(self.parts, stable, result, self.band) if self.parts.whole.dt != 0.0 else (stable, result)
+        small, result = verified(self.parts, stable, bound, self.band)
+        return parallel(kept, small), result
 
 
 class GramianReducer(StateReducer):
@@ -257,7 +255,7 @@ class ModalTruncation(StateReducer):
 
     def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
         super().__init__(system, parts, band)
-        modal = parts.modal or diagonalized(parts.given)
+        modal = parts.modal or diagonalized(continuous_image(parts.given))
         if modal is None:
             raise ValueError(
                 "method 'modal': the stable poles are defective (Jordan blocks) or nearly so, use 'balanced'"
@@ -325,7 +323,7 @@ class StrongestModes:
                 f"{len(self.parts.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
                 f"({len(kept.A)} in the reduced structure): damping couples them to modes that are left out"
             )
-        return smaller, verified(self.parts, stable, inf, self.band)
+        return smaller, verified(self.parts, stable, inf, self.band)[1]
 
     def _ranking(self, floating: Array) -> Array:
         """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""

@@ -136,7 +136,6 @@ def test_repr_with_omega_range_names_range_and_unit():
         ),
         ({"order": 2, "method": "second-order"}, "SecondOrderModel"),
         ({"order": 5, "method": "second-order", "system": bc.spray_boom(elements=6)}, "even number"),
-        ({"order": 1, "system": control.ss(np.diag([-1.0, 0.5]), np.eye(2), np.eye(2), 0.0, 0.1)}, "pole at z = -1"),
         (
             {"order": 1, "system": control.ss(0.5, 1.0, 1.0, 0.0, 0.1), "omega_range": (1.0, 100.0)},
             "^`omega_range` must end at or below half the sampling rate",
