@@ -1,4 +1,4 @@
-"""Integrators and rigid bodies told by structure: poles at zero (``z = 1``) with their Jordan chains, deflated by a staircase.
+"""Integrators and rigid bodies told by structure: poles at zero (``z = 1``) with their Jordan chains, deflated step by step.
 
 An eigenvalue solver moves a chain of ``k`` poles at zero by the ``k``-th root of rounding, and one beside slow poles by
 rounding over their distance, so that its poles do not tell.  What tells is whether ``A`` is singular to within the
