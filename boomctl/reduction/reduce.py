@@ -144,16 +144,15 @@ def _reduced(
     tell("modal coordinates")
     parts = SystemParts.of(system, limits or (0.0, inf))
     reducer = METHODS[method](given, parts, limits)
+    coordinates = "modal coordinates" if parts.modal is not None else "given coordinates"
+    itself = given if method == "second-order" else system, Verified(0.0, 0.0, _NO_ERROR)
     try:
-        smaller, result = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
+        found = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
     except ReductionError:
         if wanted is None and order != size:
             raise
-        smaller, result = None, Verified(0.0, 0.0, _NO_ERROR)
-    stages: tuple[str, ...] = ("modal coordinates" if parts.modal is not None else "given coordinates",)
-    if smaller is None or (isinstance(given, Lti) and _states(smaller) >= size):
-        smaller = given if isinstance(given, Lti) or method == "second-order" else system
-        result, stages = Verified(0.0, 0.0, _NO_ERROR), (*stages, AS_GIVEN)
+        found = itself
+    smaller, result = itself if isinstance(given, Lti) and _states(found[0]) >= size else found
     if isinstance(smaller, Lti):
         scales = getattr(given, "scales", {})  # A structure is in the units of the machine.
         smaller = replace(
@@ -171,7 +170,7 @@ def _reduced(
         certificate=replace(result.certificate, peak_omega=peak_omega),
         hankel_singular_values=reducer.values,
         retained_order=len(parts.kept.A),
-        stages=stages,
+        stages=(coordinates, AS_GIVEN) if result is itself[1] else (coordinates,),
         omega_range=band,
         full_order=size,
     )
