@@ -29,6 +29,8 @@ _ROOM = 0.2  # Share of the room between peak and level that the terms added to 
 _REGULARIZED = 1e-9  # Share of B B' added to all states so that a Gramian of all of them exists.
 _MARGIN = 0.1 * CERTIFIED  # Share of a squared H2 norm by which its Gramian is moved to either side.
 
+Matrices = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
+
 
 @dataclass(frozen=True)
 class Inequality:
@@ -71,11 +73,11 @@ class Inequality:
             It is not stable in floats.
         """
         flint.ctx.prec = PRECISION
-        given = exact = [arb_mat(M) for M in (A, B, C, D)]
+        given = exact = arb_mat(A), arb_mat(B), arb_mat(C), arb_mat(D)
         try:
             if dt != 0.0:
                 exact = _image(*given, dt)
-            T, widths = _coordinates(Lti(*map(_middle, exact)), peak)
+            T, widths = _coordinates(_middles(exact), peak)
             W = np.linalg.inv(T)
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
             raise UndecidedError from None
@@ -83,7 +85,7 @@ class Inequality:
             raise UndecidedError
         T_, W_ = _balls(T), _balls(W)
         A_, B_, C_, D_ = W_ * exact[0] * T_, W_ * exact[1], exact[2] * T_, exact[3]
-        near = Lti(*map(_middle, (A_, B_, C_, D_)))
+        near = _middles((A_, B_, C_, D_))
         return cls(A_, B_, C_, D_, W_ * T_, given[2] * T_, given[3], near, widths, dt)
 
     def stays_below(self, level: float, peak: float) -> bool:
@@ -198,11 +200,11 @@ def enclosed_gain(G: acb_mat) -> arb:
     return (moved / unit).sqrt()
 
 
-def _image(A: arb_mat, B: arb_mat, C: arb_mat, D: arb_mat, dt: float) -> list[arb_mat]:
+def _image(A: arb_mat, B: arb_mat, C: arb_mat, D: arb_mat, dt: float) -> Matrices:
     """Return the image of a discrete system by the bilinear map, with the same Gramians."""
     eye, g = arb_mat(A.nrows(), A.nrows(), 1), arb(2) / arb(dt)
     side, inverse = (2 * g).sqrt(), (A + eye).inv()
-    return [inverse * (A - eye) * g, inverse * B * side, C * inverse * side, D - C * inverse * B]
+    return inverse * (A - eye) * g, inverse * B * side, C * inverse * side, D - C * inverse * B
 
 
 def _coordinates(system: Lti, peak: float) -> tuple[Array, Array]:
@@ -213,7 +215,7 @@ def _coordinates(system: Lti, peak: float) -> tuple[Array, Array]:
     """
     modes = partial_fractions(system)
     rates, sizes = -modes.poles.real, np.linalg.norm(modes.B, axis=1)
-    T = (system.eigensystem[2] @ modes.mixing.conj().T).real
+    T = np.real(system.eigensystem[2] @ modes.mixing.conj().T)
     if (rates > 0.0).all() and np.linalg.cond(T) < _CONDITION:
         return T * np.where(sizes > 0.0, sizes / np.sqrt(rates * peak), 1.0), rates
     n, size = len(system.A), float(np.linalg.norm(system.B)) ** 2
@@ -255,3 +257,8 @@ def _balls(M: Array) -> arb_mat:
 
 def _middle(M: arb_mat) -> Array:
     return np.array([float(x.mid()) for x in M.entries()]).reshape(M.nrows(), M.ncols())
+
+
+def _middles(matrices: Matrices) -> Lti:
+    A, B, C, D = map(_middle, matrices)
+    return Lti(A, B, C, D)

@@ -26,8 +26,6 @@ from boomctl.printing import compact
 UNDAMPED = 1e-10
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
 _BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
-# Largest coupling of two modes, relative to the distance of their poles, that is corrected to first order.
-_FIRST_ORDER = 0.01
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
@@ -187,7 +185,7 @@ class ModalSystem:
 def partial_fractions(system: Lti) -> ModalSystem:
     """Return a system in the coordinates of its eigenvectors, however few digits these have.
 
-    Its response is fast to evaluate, and exact enough to see where the peaks are; :func:`diagonalized` is for numbers.
+    Its response is fast to evaluate, and exact enough to see where the peaks are.
     """
     poles, reads, right = system.eigensystem
     with np.errstate(over="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
@@ -213,21 +211,11 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 
 
 def diagonalized(system: Lti) -> ModalSystem | None:
-    """Return a system in modal coordinates, or None where it has no well-conditioned ones.
-
-    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length.
-    """
-    poles, reads, right = system.eigensystem
-    if not (np.isfinite(reads).all() and np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(poles)):
-        return None
-    modes, first, single = partial_fractions(system), np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
-    read, acts = np.linalg.norm(modes.C, axis=0), np.linalg.norm(modes.B, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where((read > 0.0) & (acts > 0.0), np.sqrt(read / acts), 1.0)
-    rows, columns = modes.B * scale[:, None], modes.C / scale
-    for item in (rows, columns.T):  # exactly in pairs
-        item[first + 1], item[single] = item[first].conj(), item[single].real
-    return ModalSystem(poles, rows, columns, system.D)
+    """Return a system in modal coordinates, or None where it has no well-conditioned ones."""
+    _, reads, right = system.eigensystem
+    with np.errstate(over="ignore", invalid="ignore"):
+        sound = np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(right)
+    return partial_fractions(system) if sound else None
 
 
 def spectral_parts(system: Lti) -> SpectralParts:
