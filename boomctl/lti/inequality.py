@@ -64,14 +64,8 @@ class Inequality:
     dt: float
 
     @classmethod
-    def of(cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, dt: float, peak: float) -> "Inequality":
-        """Return a system of rational matrices, in coordinates for levels near ``peak``.
-
-        Raises
-        ------
-        UndecidedError
-            It is not stable in floats.
-        """
+    def of(cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, dt: float, peak: float) -> "Inequality | None":
+        """Return a system of rational matrices, for levels near ``peak``; None without stable poles in floats."""
         flint.ctx.prec = PRECISION
         given = exact = arb_mat(A), arb_mat(B), arb_mat(C), arb_mat(D)
         try:
@@ -80,9 +74,9 @@ class Inequality:
             T, widths = _coordinates(_middles(exact), peak)
             W = np.linalg.inv(T)
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
-            raise UndecidedError from None
+            return None
         if not (np.isfinite(T).all() and np.isfinite(W).all() and (widths > 0.0).all()):
-            raise UndecidedError
+            return None
         T_, W_ = _balls(T), _balls(W)
         A_, B_, C_, D_ = W_ * exact[0] * T_, W_ * exact[1], exact[2] * T_, exact[3]
         near = _middles((A_, B_, C_, D_))

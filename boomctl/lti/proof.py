@@ -39,7 +39,7 @@ from boomctl.exact_roots import (
 )
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
-from boomctl.lti.inequality import Inequality, enclosed_gain
+from boomctl.lti.inequality import PRECISION, Inequality, enclosed_gain
 from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed
 
@@ -99,18 +99,19 @@ class Exact:
 
     @property
     def is_large(self) -> bool:
-        """Whether an inequality takes less time than polynomials."""
+        """Whether polynomials take too long where an inequality does not decide."""
         return self.A.nrows() > EXACT_STATES
 
-    def inequality(self, peak: float) -> Inequality:
-        """Return the system in coordinates for inequalities of levels near ``peak``."""
+    def inequality(self, peak: float) -> Inequality | None:
+        """Return the system in coordinates for inequalities of levels near ``peak``; None if it is not stable in floats."""
         self.work.charge_entries(self.A.nrows(), 1)
         return Inequality.of(self.A, self.B, self.C, self.D, self.dt, peak)
 
-    @cached_property
+    @property
     def bits(self) -> int:
-        """The size of the largest number that a proof rests on, in binary digits."""
-        return int(self.characteristic.numer().height_bits())
+        """The size of the largest number that what was asked rests on, in binary digits."""
+        exact = "characteristic" in self.__dict__
+        return int(self.characteristic.numer().height_bits()) if exact else PRECISION
 
     @cached_property
     def characteristic(self) -> fmpq_poly:
