@@ -92,13 +92,8 @@ class SystemParts:
         return cls(given, modal.blocks, modal, parts.kept, largest, seen, rounding + lost)
 
 
-@dataclass(frozen=True)
-class Verified:
-    """A bound of the error of a reduction known beforehand, and its verified error."""
-
-    bound: float
-    error: float
-    certificate: NormBounds
+Verified = tuple[float, NormBounds]
+"""A bound of the error of a reduction known beforehand, and the verified one."""
 
 
 def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) -> tuple[Lti, Verified]:
@@ -135,13 +130,13 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
             f"the error, at least {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, could not be verified"
             f" ({norm.method if rounding < inf else 'rounding of the matrices may change the response without bound'})"
         )
-    error = norm.upper_bound + rounding
+    norm = replace(norm, upper_bound=norm.upper_bound + rounding)
     if band is not None:  # Weighted Gramians may have lost digits elsewhere.
         omega = omega_of_image(_looked_at(parts.stable), given.dt)
         everywhere, elsewhere = error_norm(parts, reduced, None), lost + rounding_of(given, omega)
         if everywhere.lower_bound + elsewhere > bound:
             bound = everywhere.upper_bound + elsewhere
-    return small, Verified(max(bound, error), error, norm)
+    return small, (max(bound, norm.upper_bound), norm)
 
 
 def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBounds:
