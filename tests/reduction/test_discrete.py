@@ -10,7 +10,8 @@ from scipy import linalg
 from boomctl import reduce
 from boomctl.exceptions import ReductionError
 from tests.profiles import examples
-from tests.reduction.test_truth import METHODS, exact_error
+from tests.reduction.test_reduce import METHODS, gap, response
+from tests.reduction.test_truth import exact_error
 from tests.strategies import seeds
 
 pytestmark = pytest.mark.filterwarnings("ignore::boomctl.exceptions.LowerOrderWarning")
@@ -26,14 +27,6 @@ def random_system(seed, integrator=False):
     return control.ss(A, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), rng.standard_normal((2, 2)), 0.05)
 
 
-def gains(full, small, omega):
-    def response(system):
-        z = np.exp(1j * omega * system.dt)[:, None, None]
-        return system.C @ np.linalg.solve(z * np.eye(system.nstates) - system.A, system.B + 0j) + system.D
-
-    return np.linalg.svd(response(full) - response(small), compute_uv=False)[:, 0]
-
-
 @examples(60)
 @given(st.integers(0, 10_000), st.sampled_from(METHODS))
 def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method):
@@ -42,7 +35,7 @@ def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method)
     assert found.system.dt == system.dt
     poles = np.linalg.eigvals(system.A)
     omega = np.concatenate([np.linspace(1e-3, np.pi, 2001), np.abs(np.angle(poles[np.abs(poles) < 1.0]))]) / system.dt
-    worst = gains(system, found.system, omega[omega > 1e-6]).max()
+    worst = gap(system, found.system, omega[omega > 1e-6]).max()
     assert worst <= found.error_norm * (1.0 + 1e-5) + 1e-9
     if not found.retained_order:  # what splitting an integrator off may change of the rest is added to the error
         assert worst >= 0.5 * found.error_norm
@@ -105,9 +98,10 @@ def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_a
     except ReductionError as refused:
         assert "may change its response without bound" in str(refused)  # noqa: PT017
         return
-    small, z = found.system, np.exp(1j * np.geomspace(0.05, np.pi, 60))
-    gap = np.abs(P(z, squeeze=False) - small(z, squeeze=False)).max()
-    assert gap <= found.error_norm * (1.0 + 1e-6) + 1e-6 * np.abs(P(z, squeeze=False)).max()
+    omega = np.geomspace(0.05, np.pi, 60) / P.dt
+    assert (
+        gap(P, found.system, omega).max() <= found.error_norm * (1.0 + 1e-6) + 1e-6 * np.abs(response(P, omega)).max()
+    )
 
 
 @examples(100)

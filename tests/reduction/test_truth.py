@@ -12,10 +12,10 @@ from scipy import linalg
 import boomctl as bc
 from boomctl.exceptions import ReductionError
 from tests.profiles import examples
+from tests.reduction.test_reduce import METHODS
 from tests.strategies import seeds
 
 pytestmark = pytest.mark.filterwarnings("ignore::boomctl.exceptions.LowerOrderWarning")
-METHODS = ("balanced", "singular-perturbation", "hankel", "modal")
 
 
 def stable(rng, kind):
