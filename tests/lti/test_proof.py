@@ -119,6 +119,8 @@ def response(system, omega):
     """Return a response by a linear solve in balls; None at a pole."""
     turn = acb(0, 1) * arb(float(omega))
     s = turn if system.isctime() else (turn * arb(float(system.dt))).exp()
+    if not system.nstates:
+        return balls(system.D)
     A, B, C, D = (balls(getattr(system, letter)) for letter in "ABCD")
     try:
         return C * (s * identity(A.ncols()) - A).solve(B) + D

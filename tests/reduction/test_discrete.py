@@ -44,6 +44,13 @@ def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method)
     assert found.curves.omega[-1] <= np.pi / system.dt
 
 
+def test_pole_at_half_the_sampling_rate_is_kept():
+    full = control.ss(np.diag([-1.0, 0.5, 0.1]), np.ones((3, 1)), np.ones((1, 3)), 0.0, 0.1)
+    found = reduce(full, 2)
+    assert (found.order, found.retained_order) == (2, 1)
+    assert 0.0 < gap(full, found.system, np.linspace(0.0, 30.0, 50)).max() <= found.error_norm
+
+
 @examples(30)
 @given(st.integers(0, 10_000))
 def test_hankel_values_are_those_of_the_discrete_gramians(seed):
