@@ -27,7 +27,6 @@ import flint
 import numpy as np
 from flint import acb, acb_mat, acb_poly, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
-from boomctl.arrays import blocks
 from boomctl.exact_roots import (
     BITS,
     UndecidedError,
@@ -41,7 +40,7 @@ from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
 from boomctl.lti.inequality import PRECISION, Inequality, enclosed_gain
 from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
-from boomctl.lti.system import Lti, System, closed
+from boomctl.lti.system import Lti, System, closed, parallel
 
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
 _DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
@@ -83,9 +82,7 @@ class Exact:
             once = np.diag(np.full(len(K.C), fmpq(1))) - K.D @ plant.D[p:, m:]
             M = closed(plant, K, np.array(rational_matrix(once).inv().tolist()).reshape(once.shape))
         if minus is not None:
-            other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
-            A = blocks([[M.A, corner], [corner.T, other.A]])
-            M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
+            M = parallel(M, _rational(minus), -1)
         A, B, C, D = map(rational_matrix, (M.A, M.B, M.C, M.D))
         return cls(A, B, C, D, M.dt, Work(operations))
 

@@ -141,7 +141,7 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
 
 def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBounds:
     """Return the norm of the difference of a stable system and a reduced one, over a band if there is one."""
-    gap = parallel(parts.stable, reduced, -1.0).balanced()
+    gap = parallel(parts.stable, reduced, -1).balanced()
     if not (len(gap.A) and gap.D.size):
         value = largest_of(gap.D)
         return NormBounds(value, value, 0.0, STATIC_GAIN, verified=True)
