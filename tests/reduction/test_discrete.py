@@ -9,6 +9,7 @@ from scipy import linalg
 
 from boomctl import reduce
 from boomctl.exceptions import ReductionError
+from tests.lti.test_hidden_modes import floating_chain
 from tests.profiles import examples
 from tests.reduction.test_reduce import METHODS, gap, response
 from tests.reduction.test_truth import exact_error
@@ -93,15 +94,12 @@ def test_order_above_that_of_the_image_is_tried(seed, order):
 def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_apart(seed):
     """What is refused is refused for rounding of its matrices, not for a pole that one half keeps and the other does not."""
     rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 5))
-    k, m = 10.0 ** rng.uniform(0.0, 4.0) * rng.uniform(0.5, 2.0, n - 1), rng.uniform(0.5, 20.0, n)
-    rates = (np.diag([*k, 0.0]) + np.diag([0.0, *k]) - np.diag(k, 1) - np.diag(k, -1)) / m[:, None]
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-rates, -(10.0 ** rng.uniform(-3.5, -1.5)) * rates]])
-    B, C = np.concatenate([np.zeros(n), rng.standard_normal(n) / m])[:, None], rng.standard_normal((1, 2 * n))
+    A, B, _ = floating_chain(rng)
+    C = rng.standard_normal((1, len(A)))
     fastest = np.abs(np.linalg.eigvals(A)).max()
     P = control.sample_system(control.ss(A, B, C, 0.0), float(10.0 ** rng.uniform(-1.7, 0.0) / fastest))
     try:
-        found = reduce(P, int(rng.integers(2, 2 * n)), METHODS[int(rng.integers(4))])
+        found = reduce(P, int(rng.integers(2, len(A))), METHODS[int(rng.integers(4))])
     except ReductionError as refused:
         assert "may change its response without bound" in str(refused)  # noqa: PT017
         return
