@@ -211,11 +211,21 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 
 
 def diagonalized(system: Lti) -> ModalSystem | None:
-    """Return a system in modal coordinates, or None where it has no well-conditioned ones."""
-    _, reads, right = system.eigensystem
-    with np.errstate(over="ignore", invalid="ignore"):
-        sound = np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(right)
-    return partial_fractions(system) if sound else None
+    """Return a system in modal coordinates, or None where it has no well-conditioned ones.
+
+    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length: Gramians keep their digits.
+    """
+    poles, reads, right = system.eigensystem
+    if not (np.isfinite(reads).all() and np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(poles)):
+        return None
+    modes, first, single = partial_fractions(system), np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
+    read, acts = np.linalg.norm(modes.C, axis=0), np.linalg.norm(modes.B, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        scale = np.where((read > 0.0) & (acts > 0.0), np.sqrt(read / acts), 1.0)
+    rows, columns = modes.B * scale[:, None], modes.C / scale
+    for item in (rows, columns.T):  # exactly in pairs
+        item[first + 1], item[single] = item[first].conj(), item[single].real
+    return ModalSystem(poles, rows, columns, system.D)
 
 
 def spectral_parts(system: Lti) -> SpectralParts:
