@@ -222,7 +222,8 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     read, acts = np.linalg.norm(modes.C, axis=0), np.linalg.norm(modes.B, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         scale = np.where((read > 0.0) & (acts > 0.0), np.sqrt(read / acts), 1.0)
-    rows, columns = modes.B * scale[:, None], modes.C / scale
+    rows: Array = modes.B * scale[:, None]
+    columns: Array = modes.C / scale
     for item in (rows, columns.T):  # exactly in pairs
         item[first + 1], item[single] = item[first].conj(), item[single].real
     return ModalSystem(poles, rows, columns, system.D)
