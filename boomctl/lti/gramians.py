@@ -1,4 +1,4 @@
-"""Gramians as factors, ``P = F F^T``: in closed form in modal coordinates, by Hammarling's method elsewhere."""
+"""Gramians as factors, ``P = F F^T``: in closed form in modal coordinates, of Lyapunov equations elsewhere."""
 
 import numpy as np
 from scipy import linalg
@@ -19,7 +19,8 @@ def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
     real form of which is ``system``; None where it has none.
     """
     if modal is None:
-        return _hammarling(system.A, system.B), _hammarling(system.A.T, system.C.T)
+        P, Q = refined_gramian(system.A, system.B), refined_gramian(system.A.T, system.C.T)
+        return square_root(P.astype(float)), square_root(Q.astype(float))
     J = modal.mixing
     P, Q = _closed_form(modal.poles, modal.B), _closed_form(modal.poles.conj(), modal.C.conj().T)
     return square_root(np.real(J @ P @ J.conj().T)), square_root(np.real(J @ Q @ J.conj().T))
@@ -40,21 +41,6 @@ def square_root(P: Array) -> Array:
     values, U = linalg.eigh(0.5 * (scaled + scaled.T))
     good = values > DIGIT * len(P) * max(float(values.max(initial=0.0)), 0.0)
     return size[:, None] * (U[:, good] * np.sqrt(values[good]))
-
-
-def _hammarling(A: Array, B: Array) -> Array:
-    """Return a factor of the solution of ``A P + P A^T + B B^T = 0``, never forming ``P``."""
-    import slycot
-
-    if B.shape[1] > len(B):
-        B = np.linalg.qr(B.T)[1].T  # as many columns as rows, of the same B B^T
-    n, m = B.shape
-    if not m:  # nothing acts
-        return np.zeros((n, 0))
-    padded = np.zeros((n, n))
-    padded[:m] = B.T
-    U, scale, _ = slycot.sb03od(n, m, A.T.copy(), np.zeros((n, n)), padded, "C", fact="N", trans="N")[:3]
-    return U[:n, :n].T / scale
 
 
 def gramian(A: Array, B: Array, steps: bool = False) -> Array:

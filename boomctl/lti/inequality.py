@@ -1,10 +1,9 @@
 """Bounds of norms proved by matrix inequalities, whose signs are checked in ball arithmetic (python-flint).
 
 A system is stable and its H-infinity norm is below a level where some ``P > 0`` satisfies the bounded real lemma,
-``[A'P + PA + C'C, PB + C'D; ., D'D - level^2] < 0``; in discrete time ``M' diag(P, 1) M - diag(P, level^2) < 0`` with
-``M = [A, B; C, D]``.  ``P`` is the solution of a Riccati equation in floats.  How it was found does not matter: the proof
-is the sign of the inequality (Rump 2010, Acta Numerica 19).  Likewise a Gramian of controllability, with a little added and
-taken off, bounds the H2 norm.
+``[A'P + PA + C'C, PB + C'D; ., D'D - level^2] < 0``; of a discrete system its image by the bilinear map does.  ``P`` is the
+solution of a Riccati equation in floats.  How it was found does not matter: the proof is the sign of the inequality (Rump
+2010, Acta Numerica 19).  Likewise a Gramian of controllability, with a little added and taken off, bounds the H2 norm.
 """
 
 from dataclasses import dataclass
@@ -17,8 +16,9 @@ from scipy import linalg
 
 from boomctl.arrays import Array, blocks
 from boomctl.exact_roots import UndecidedError
-from boomctl.lti.bilinear import continuous_image
+from boomctl.lti.bilinear import image_of_omega
 from boomctl.lti.gramians import refined_gramian
+from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import Lti
 
@@ -29,10 +29,12 @@ _ROOM = 0.2  # Share of the room between peak and level that the terms added to 
 _REGULARIZED = 1e-9  # Share of B B' added to all states so that a Gramian of all of them exists.
 _MARGIN = 0.1 * CERTIFIED  # Share of a squared H2 norm by which its Gramian is moved to either side.
 
+Matrices = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
+
 
 @dataclass(frozen=True)
 class Inequality:
-    """A system in coordinates ``x = T z``, in balls that hold its exact matrices, and these in floats.
+    """A system in continuous time, or the image of a discrete one, in coordinates ``x = T z``, in balls.
 
     Attributes
     ----------
@@ -40,10 +42,14 @@ class Inequality:
         ``W A T``, ``W B``, ``C T`` and ``D`` with ``W`` the inverse of ``T`` but for rounding.
     unit : arb_mat
         ``W T``.
+    read, through : arb_mat
+        ``C T`` and ``D`` of the system itself.
     near : Lti
-        Their midpoints.
+        Midpoints of the first four.
     widths : ndarray
-        Decay rates of the states [rad/s], of the continuous image in discrete time.
+        Decay rates of the states [rad/s].
+    dt : float
+        Sampling time of the system itself [s]; 0 in continuous time.
     """
 
     A: arb_mat
@@ -51,32 +57,30 @@ class Inequality:
     C: arb_mat
     D: arb_mat
     unit: arb_mat
+    read: arb_mat
+    through: arb_mat
     near: Lti
     widths: Array
+    dt: float
 
     @classmethod
-    def of(cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, dt: float, peak: float) -> "Inequality":
-        """Return a system of rational matrices, in coordinates for levels near ``peak``.
-
-        Raises
-        ------
-        UndecidedError
-            It is not stable in floats.
-        """
+    def of(cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, dt: float, peak: float) -> "Inequality | None":
+        """Return a system of rational matrices, for levels near ``peak``; None without stable poles in floats."""
         flint.ctx.prec = PRECISION
-        exact = [arb_mat(M) for M in (A, B, C, D)]
-        system = Lti(_middle(exact[0]), _middle(exact[1]), _middle(exact[2]), _middle(exact[3]), dt=dt)
+        given = exact = arb_mat(A), arb_mat(B), arb_mat(C), arb_mat(D)
         try:
-            T, widths = _coordinates(continuous_image(system), peak)
+            if dt != 0.0:
+                exact = _image(*given, dt)
+            T, widths = _coordinates(_middles(exact), peak)
             W = np.linalg.inv(T)
-        except (ValueError, np.linalg.LinAlgError):
-            raise UndecidedError from None
+        except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
+            return None
         if not (np.isfinite(T).all() and np.isfinite(W).all() and (widths > 0.0).all()):
-            raise UndecidedError
+            return None
         T_, W_ = _balls(T), _balls(W)
         A_, B_, C_, D_ = W_ * exact[0] * T_, W_ * exact[1], exact[2] * T_, exact[3]
-        near = Lti(_middle(A_), _middle(B_), _middle(C_), system.D, dt=dt)
-        return cls(A_, B_, C_, D_, W_ * T_, near, widths)
+        near = _middles((A_, B_, C_, D_))
+        return cls(A_, B_, C_, D_, W_ * T_, given[2] * T_, given[3], near, widths, dt)
 
     def stays_below(self, level: float, peak: float) -> bool:
         """Return whether it is proved that the system is stable and its H-infinity norm is below a level.
@@ -88,26 +92,12 @@ class Inequality:
         if P is None:
             return False
         n, m = self.near.B.shape
-        moved = P * self.A
-        if self.near.dt == 0.0:
-            held = self.unit.transpose() * moved
-            corner, side = held + held.transpose(), self.unit.transpose() * (P * self.B)
-            last = self.D.transpose() * self.D
-        else:
-            corner = self.A.transpose() * moved - self.unit.transpose() * P * self.unit
-            side = self.A.transpose() * (P * self.B)
-            last = self.D.transpose() * self.D + self.B.transpose() * (P * self.B)
-        corner, side = (
-            (corner + self.C.transpose() * self.C).tolist(),
-            (side + self.C.transpose() * self.D).tolist(),
-        )
-        square, last = arb(level) * arb(level), last.tolist()
-        rows = [[-x for x in corner[i]] + [-x for x in side[i]] for i in range(n)]
-        rows += [
-            [-side[i][j] for i in range(n)] + [(square if j == k else 0) - last[j][k] for k in range(m)]
-            for j in range(m)
-        ]
-        return _positive(P) and _positive(arb_mat(rows))
+        moved, read = _beside(self.A, self.B), _beside(self.C, self.D)
+        held = _beside(self.unit, arb_mat(n, m)).transpose() * (P * moved)
+        S = -1 * (held + held.transpose() + read.transpose() * read)
+        for k in range(n, n + m):
+            S[k, k] += arb(level) * arb(level)
+        return _positive(P) and _positive(S)
 
     def _storage(self, level: float, peak: float) -> arb_mat | None:
         """Return a solution of the Riccati equation halfway between peak and level, with more to each mode; None without one.
@@ -115,11 +105,9 @@ class Inequality:
         With ``eps_i`` added to ``C'C`` of a mode scaled to ``|b_i|^2 = s_i peak``, the square of the norm grows by at most
         ``sum_i eps_i |b_i|^2/s_i^2``.
         """
-        image = continuous_image(self.near)
-        A, B, C, D = image.A, image.B, image.C, image.D
+        A, B, C, D = self.near.A, self.near.B, self.near.C, self.near.D
         n, m = B.shape
-        room = level / peak - 1.0
-        added = np.diag(_ROOM * room * self.widths * peak / n)
+        added = np.diag(_ROOM * (level / peak - 1.0) * self.widths * peak / n)
         gap = (peak + 0.5 * (level - peak)) ** 2 * np.eye(m) - D.T @ D
         try:
             inverse = np.linalg.inv(gap)
@@ -132,30 +120,24 @@ class Inequality:
             X = 0.5 * (X + X.T)
             for _ in range(_NEWTON_STEPS):
                 X = X + _newton_step(F + G @ X, F.T @ X + X @ F + Q + X @ G @ X)
-            P = _balls(X)
-            if self.near.dt == 0.0:  # With the digits that floats have lost.
-                F_, G_, Q_ = map(_balls, (F, G, Q))
-                for _ in range(_NEWTON_STEPS):
-                    held = F_.transpose() * P
-                    residual = _middle(held + held.transpose() + Q_ + P * G_ * P)
-                    P = (P + _balls(_newton_step(F + G @ _middle(P), residual))).mid()
+            P, (F_, G_, Q_) = _balls(X), map(_balls, (F, G, Q))
+            for _ in range(_NEWTON_STEPS):
+                held = F_.transpose() * P
+                residual = _middle(held + held.transpose() + Q_ + P * G_ * P)
+                P = (P + _balls(_newton_step(F + G @ _middle(P), residual))).mid()
         except (np.linalg.LinAlgError, ValueError):
             return None
         return P
 
     def gain(self, omega: float) -> arb:
-        """Return a gain in one direction at a frequency [rad/s], enclosed: the largest but for rounding, never above it."""
+        """Return a gain in one direction near a frequency [rad/s], enclosed: the largest but for rounding, never above it."""
         flint.ctx.prec = PRECISION
-        dt, D = self.near.dt, acb_mat(self.D)
-        if omega < inf:
-            s = acb(0, omega) if dt == 0.0 else acb(0, arb(omega) * arb(dt)).exp()
-            pencil = s * acb_mat(self.unit) - acb_mat(self.A)
+        G, s = acb_mat(self.D), acb(0, float(image_of_omega(omega, self.dt)))
+        if s.is_finite():
             try:
-                G = acb_mat(self.C) * pencil.solve(acb_mat(self.B)) + D
+                G += acb_mat(self.C) * (s * acb_mat(self.unit) - acb_mat(self.A)).solve(acb_mat(self.B))
             except ZeroDivisionError:
                 return arb(0)
-        else:
-            G = D
         return enclosed_gain(G) if all(x.is_finite() for x in G.entries()) else arb(0)
 
     def is_stable(self) -> bool:
@@ -168,12 +150,10 @@ class Inequality:
         return _positive(S) and _positive(-1 * self._change(S))
 
     def _gramian(self, B: Array) -> Array:
-        return refined_gramian(self.near.A, B, self.near.dt != 0.0).astype(float)
+        return refined_gramian(self.near.A, B).astype(float)
 
     def _change(self, P: arb_mat) -> arb_mat:
-        """Return ``A P + P A'``, in discrete time ``A P A' - P``."""
-        if self.near.dt != 0.0:
-            return self.A * P * self.A.transpose() - self.unit * P * self.unit.transpose()
+        """Return ``A P + P A'``."""
         held = self.A * P * self.unit.transpose()
         return held + held.transpose()
 
@@ -186,22 +166,21 @@ class Inequality:
             The inequalities do not hold.
         """
         flint.ctx.prec = PRECISION
-        near = self.near
+        read = _middle(self.read)
         try:
-            P, S = self._gramian(near.B), self._gramian(np.diag(np.sqrt(self.widths)))
+            P, S = self._gramian(self.near.B), self._gramian(np.diag(np.sqrt(self.widths)))
         except (np.linalg.LinAlgError, ValueError):
             raise UndecidedError from None
-        square, share = float(np.sum((near.C @ P) * near.C)), float(np.sum((near.C @ S) * near.C))
+        square, share = float(np.sum((read @ P) * read)), float(np.sum((read @ S) * read))
         if not (0.0 < square < inf and 0.0 < share < inf):
             raise UndecidedError
-        step = _MARGIN * square / share
         result = []
-        for sign in (-1.0, 1.0):
-            moved = _balls(P) + _balls(sign * step * S)
-            change = self._change(moved) + self.B * self.B.transpose()
-            if not _positive((-1 if sign > 0.0 else 1) * change) or (sign > 0.0 and not _positive(moved)):
+        for sign in (-1, 1):
+            moved = _balls(P) + _balls(sign * _MARGIN * square / share * S)
+            left = self._change(moved) + self.B * self.B.transpose()
+            if not _positive(-sign * left) or (sign > 0 and not _positive(moved)):
                 raise UndecidedError
-            total = self.C * moved * self.C.transpose() + self.D * self.D.transpose()
+            total = self.read * moved * self.read.transpose() + self.through * self.through.transpose()
             result.append(sum((total[i, i] for i in range(total.nrows())), arb(0)).sqrt())
         low, high = float(result[0].lower()), float(result[1].upper())
         return float(np.nextafter(low, 0.0)), float(np.nextafter(high, inf))  # Of conversions to floats.
@@ -215,30 +194,25 @@ def enclosed_gain(G: acb_mat) -> arb:
     return (moved / unit).sqrt()
 
 
+def _image(A: arb_mat, B: arb_mat, C: arb_mat, D: arb_mat, dt: float) -> Matrices:
+    """Return the image of a discrete system by the bilinear map, with the same Gramians."""
+    eye, g = arb_mat(A.nrows(), A.nrows(), 1), arb(2) / arb(dt)
+    side, inverse = (2 * g).sqrt(), (A + eye).inv()
+    return inverse * (A - eye) * g, inverse * B * side, C * inverse * side, D - C * inverse * B
+
+
 def _coordinates(system: Lti, peak: float) -> tuple[Array, Array]:
     """Return columns ``T`` of coordinates in which a continuous system's levels are proved, and the decay rates there.
 
     Modes, real and imaginary part of each pair, scaled to ``|b|^2 = s peak``; where eigenvectors are nearly dependent, those
     in which the Gramian of controllability is ``1/peak``.
     """
-    poles, _, right = system.eigensystem
-    first = poles.imag >= 0.0
-    columns, widths = [], []
-    for pole, vector in zip(poles[first], right.T[first], strict=True):
-        parts = [vector.real, vector.imag] if pole.imag > 0.0 else [vector.real]
-        columns += parts
-        widths += [-pole.real] * len(parts)
-    T, rates = np.array(columns).T, np.array(widths)
+    modes = partial_fractions(system)
+    rates, sizes = -modes.poles.real, np.linalg.norm(modes.B, axis=1)
+    T = np.real(system.eigensystem[2] @ modes.mixing.conj().T)
     if (rates > 0.0).all() and np.linalg.cond(T) < _CONDITION:
-        acts, start = np.linalg.inv(T) @ system.B, 0
-        for pole in poles[first]:
-            rows = slice(start, start + (2 if pole.imag > 0.0 else 1))
-            size = float(np.linalg.norm(acts[rows])) / np.sqrt(rows.stop - rows.start)
-            T[:, rows] *= size / np.sqrt(rates[start] * peak) if size > 0.0 else 1.0
-            start = rows.stop
-        return T, rates
-    size = float(np.linalg.norm(system.B)) ** 2
-    n = len(system.A)
+        return T * np.where(sizes > 0.0, sizes / np.sqrt(rates * peak), 1.0), rates
+    n, size = len(system.A), float(np.linalg.norm(system.B)) ** 2
     P = linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T - _REGULARIZED * size * np.eye(n))
     L = np.linalg.cholesky(0.5 * (P + P.T))
     return L / np.sqrt(peak), np.full(n, 1e-3 * size / float(np.linalg.norm(P, 2)))
@@ -267,9 +241,18 @@ def _positive(S: arb_mat) -> bool:
     return all(sum((abs(x) for x in row), arb(0)) < 1 for row in product.tolist())
 
 
+def _beside(left: arb_mat, right: arb_mat) -> arb_mat:
+    return arb_mat([one + other for one, other in zip(left.tolist(), right.tolist(), strict=True)])
+
+
 def _balls(M: Array) -> arb_mat:
     return arb_mat(M.shape[0], M.shape[1], M.ravel().tolist())
 
 
 def _middle(M: arb_mat) -> Array:
     return np.array([float(x.mid()) for x in M.entries()]).reshape(M.nrows(), M.ncols())
+
+
+def _middles(matrices: Matrices) -> Lti:
+    A, B, C, D = map(_middle, matrices)
+    return Lti(A, B, C, D)

@@ -1,8 +1,8 @@
-"""Integrators and rigid bodies told by structure: poles at zero (``z = 1``) with their Jordan chains, deflated one by one.
+"""Integrators and rigid bodies told by structure: poles at zero (``z = 1``) with their Jordan chains, deflated step by step.
 
 An eigenvalue solver moves a chain of ``k`` poles at zero by the ``k``-th root of rounding, and one beside slow poles by
 rounding over their distance, so that its poles do not tell.  What tells is whether ``A`` is singular to within the
-rounding of its own entries: then a vector that ``A`` takes to zero is split off by a reflection, and the rest is asked again.
+rounding of its own entries: then the vectors that ``A`` takes to zero are split off, and the rest is asked again.
 """
 
 from dataclasses import dataclass
@@ -67,25 +67,19 @@ def without_integrators(system: Lti) -> SpectralParts:
     T, Z, size, count, carried = scaled.A - one * np.eye(n), np.eye(n), np.abs(scaled.A), 0, 0.0
     if one:  # what sampling makes of small entries are sums of terms as large as the largest
         size[:] = size.max(initial=0.0)
-    if not n or linalg.svdvals(T)[-1] > n * CANCELLED * float(np.linalg.norm(size)):
-        return SpectralParts.whole(system)
     while count < n:
-        block = T[count:, count:]
-        U, values, Vt = linalg.svd(block)
-        left, null = np.abs(U[:, -1]), Vt[-1]
-        doubt = n * CANCELLED * float(left @ size[count:, count:] @ np.abs(null)) + carried
-        still, sure = ~block.any(axis=0), int((~block.any(axis=1)).sum())
-        if still.any():  # a column of zeros leaves no doubt
-            null = np.eye(n - count)[int(np.argmax(still))]
-        elif values[-1] > doubt and not sure:  # nor do rows of zeros, of as many vectors
+        U, values, Vt = linalg.svd(T[count:, count:])
+        doubt = n * CANCELLED * ((np.abs(U).T @ size[count:, count:]) * np.abs(Vt)).sum(axis=1)
+        null = values <= doubt + EPS * values[0] + carried
+        if not null.any():
             break
-        elif count + max(sure, 1) < n and (next_value := values[-1 - max(sure, 1)]) > doubt:
-            carried += float(values[0] * values[-1] / next_value)  # the vector is off by so much, and what is left
+        if not null.all():  # vectors are off by so much, and what is left
+            carried += float(values[0] * values[null].max() / values[~null].min())
         Q = np.eye(n)
-        Q[count:, count:] = linalg.qr(null[:, None])[0]
+        Q[count:, count:] = Vt[null.argsort()[::-1]].T
         T, Z, size = Q.T @ T @ Q, Z @ Q, np.abs(Q).T @ size @ np.abs(Q)
-        T[count:, count] = 0.0
-        count += 1
+        T[count:, count : count + null.sum()] = 0.0
+        count += int(null.sum())
     sizes = np.sort(np.abs(system.poles - one))
     moved = _SPREAD * EPS ** (1.0 / max(count, 1)) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
     if not count or sizes[count - 1] > max(_RIGID * sizes[-1], moved):

@@ -16,8 +16,8 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.integrators import SpectralParts, without_integrators
-from boomctl.lti.rounding import ALIKE, CANCELLED, DIGIT, EPS, ROOT, SOLVED
-from boomctl.lti.system import Lti, rates_of
+from boomctl.lti.rounding import CANCELLED, DIGIT, EPS, ROOT, SOLVED
+from boomctl.lti.system import Lti, parallel, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
@@ -26,8 +26,6 @@ from boomctl.printing import compact
 UNDAMPED = 1e-10
 _CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
 _BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
-# Largest coupling of two modes, relative to the distance of their poles, that is corrected to first order.
-_FIRST_ORDER = 0.01
 _CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
 _CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
 _OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
@@ -187,7 +185,7 @@ class ModalSystem:
 def partial_fractions(system: Lti) -> ModalSystem:
     """Return a system in the coordinates of its eigenvectors, however few digits these have.
 
-    Its response is fast to evaluate, and exact enough to see where the peaks are; :func:`diagonalized` is for numbers.
+    Its response is fast to evaluate, and exact enough to see where the peaks are.
     """
     poles, reads, right = system.eigensystem
     with np.errstate(over="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
@@ -215,56 +213,20 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 def diagonalized(system: Lti) -> ModalSystem | None:
     """Return a system in modal coordinates, or None where it has no well-conditioned ones.
 
-    Eigenvectors are corrected once, to first order of their residual in extended precision, where poles are apart.  Each
-    mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length.
+    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length: Gramians keep their digits.
     """
-    if not len(system.A):
-        return partial_fractions(system)
-    poles, W, V = system.eigensystem
-    first, single = np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
-    if not (np.isfinite(W).all() and np.linalg.norm(V) * np.linalg.norm(W) <= _CONDITION * len(poles)):
+    poles, reads, right = system.eigensystem
+    if not (np.isfinite(reads).all() and np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(poles)):
         return None
-    E = W @ _residual(system.A, V, poles)
-    if np.abs(E).max() > ALIKE * np.abs(system.A).max():
-        return None
-    apart = poles - poles[:, None]
-    weak = (np.abs(E) * len(poles) <= _FIRST_ORDER * np.abs(apart)) & (apart != 0.0)
-    wide = V + (V @ np.where(weak, E / np.where(weak, apart, 1.0), 0.0)).astype(np.clongdouble)
-    moved: Array = poles + np.diag(E)
-    if (moved.imag[first] <= 0.0).any():  # Two equal real poles.
-        return None
-    W = np.linalg.inv(wide.astype(complex))
-    B, C = (W @ system.B).astype(np.clongdouble), (system.C @ wide).astype(complex)
-    B = (B + W @ (system.B - wide @ B).astype(complex)).astype(complex)
-    reads, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
+    modes, first, single = partial_fractions(system), np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
+    read, acts = np.linalg.norm(modes.C, axis=0), np.linalg.norm(modes.B, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
-        scale = np.where((reads > 0.0) & (acts > 0.0), np.sqrt(reads / acts), 1.0)
-    rows: Array = B * scale[:, None]
-    columns: Array = C / scale
-    for item in (moved, rows, columns.T):  # exactly in pairs
+        scale = np.where((read > 0.0) & (acts > 0.0), np.sqrt(read / acts), 1.0)
+    rows: Array = modes.B * scale[:, None]
+    columns: Array = modes.C / scale
+    for item in (rows, columns.T):  # exactly in pairs
         item[first + 1], item[single] = item[first].conj(), item[single].real
-    return ModalSystem(moved, rows, columns, system.D)
-
-
-def _residual(A: Array, V: Array, poles: Array) -> Array:
-    """Return ``A V - V diag(poles)`` to extended precision.
-
-    The leading bits of the factors are so few that their product has no rounding (Ozaki et al. 2012, Numerical Algorithms
-    59); the rest is small.
-    """
-    n = len(A)
-    bits = (np.finfo(float).nmant + 1 - n.bit_length()) // 2
-    X = np.concatenate([V.real, V.imag], axis=1)
-    A1, X1 = _leading(A, 1, bits), _leading(X, 0, bits)
-    product = (A1 @ X1).astype(np.longdouble) + (A1 @ (X - X1) + (A - A1) @ X)
-    return (product[:, :n] + 1j * product[:, n:] - V.astype(np.clongdouble) * poles).astype(complex)
-
-
-def _leading(M: Array, axis: int, bits: int) -> Array:
-    """Return the entries of rows or columns rounded to so many bits below the largest of each."""
-    above = np.frexp(np.abs(M).max(axis=axis, keepdims=True))[1]
-    far = np.ldexp(1.5, above + np.finfo(float).nmant - bits)
-    return M + far - far
+    return ModalSystem(poles, rows, columns, system.D)
 
 
 def spectral_parts(system: Lti) -> SpectralParts:
@@ -279,16 +241,15 @@ def spectral_parts(system: Lti) -> SpectralParts:
         The two parts cannot be told apart.
     """
     chain = without_integrators(system)
-    kept, size = side_of_axis(chain.rest.poles) >= 0, np.abs(chain.rest.poles)
+    poles, dt = chain.rest.poles, system.dt
+    kept, size = sides(poles, dt) >= 0, np.abs(poles - (dt != 0.0))
     if not kept.any():
         return chain
     near = kept & (size <= ROOT * size.max())
     if near.any():
         kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
     parts = split(chain.rest, kept, "unstable, undamped or rigid-body poles")
-    first, second = chain.kept, parts.kept
-    A, B, C = linalg.block_diag(first.A, second.A), np.vstack([first.B, second.B]), np.hstack([first.C, second.C])
-    return SpectralParts(parts.rest, replace(first, A=A, B=B, C=C), chain.doubt + parts.doubt)
+    return SpectralParts(parts.rest, parallel(chain.kept, parts.kept), chain.doubt + parts.doubt)
 
 
 def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:

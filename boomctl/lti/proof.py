@@ -15,17 +15,18 @@ What is proved is true of the numbers as they are stored; whether the last digit
 question.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain, pairwise
 from math import inf
+from typing import TypeVar
 
 import flint
 import numpy as np
 from flint import acb, acb_mat, acb_poly, arb, arb_mat, fmpq, fmpq_mat, fmpq_poly
 
-from boomctl.arrays import blocks
 from boomctl.exact_roots import (
     BITS,
     UndecidedError,
@@ -37,12 +38,14 @@ from boomctl.exact_roots import (
 )
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
 from boomctl.lti.frequency import RAISED
-from boomctl.lti.inequality import Inequality, enclosed_gain
+from boomctl.lti.inequality import PRECISION, Inequality, enclosed_gain
 from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
-from boomctl.lti.system import Lti, System, closed
+from boomctl.lti.system import Lti, System, closed, parallel
 
 _MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
 _DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +82,7 @@ class Exact:
             once = np.diag(np.full(len(K.C), fmpq(1))) - K.D @ plant.D[p:, m:]
             M = closed(plant, K, np.array(rational_matrix(once).inv().tolist()).reshape(once.shape))
         if minus is not None:
-            other, corner = _rational(minus), np.zeros((len(M.A), len(minus.A)), int)
-            A = blocks([[M.A, corner], [corner.T, other.A]])
-            M = replace(M, A=A, B=np.vstack([M.B, other.B]), C=np.hstack([M.C, -other.C]), D=M.D - other.D)
+            M = parallel(M, _rational(minus), -1)
         A, B, C, D = map(rational_matrix, (M.A, M.B, M.C, M.D))
         return cls(A, B, C, D, M.dt, Work(operations))
 
@@ -95,18 +96,19 @@ class Exact:
 
     @property
     def is_large(self) -> bool:
-        """Whether an inequality takes less time than polynomials."""
+        """Whether polynomials take too long where an inequality does not decide."""
         return self.A.nrows() > EXACT_STATES
 
-    def inequality(self, peak: float) -> Inequality:
-        """Return the system in coordinates for inequalities of levels near ``peak``."""
+    def inequality(self, peak: float) -> Inequality | None:
+        """Return the system in coordinates for inequalities of levels near ``peak``; None if it is not stable in floats."""
         self.work.charge_entries(self.A.nrows(), 1)
         return Inequality.of(self.A, self.B, self.C, self.D, self.dt, peak)
 
-    @cached_property
+    @property
     def bits(self) -> int:
-        """The size of the largest number that a proof rests on, in binary digits."""
-        return int(self.characteristic.numer().height_bits())
+        """The size of the largest number that what was asked rests on, in binary digits."""
+        exact = "characteristic" in self.__dict__
+        return int(self.characteristic.numer().height_bits()) if exact else PRECISION
 
     @cached_property
     def characteristic(self) -> fmpq_poly:
@@ -181,21 +183,21 @@ class Exact:
 
     def _roots(self, p: fmpq_poly) -> list[tuple[acb, int]]:
         """Return the roots of a polynomial without any on the axis, to as many digits as tell on which side each lies."""
-        for _ in self._digits():
-            roots = isolated_roots(p, self.work)
-            if all(root.real > 0 or root.real < 0 for root, _ in roots):
-                return roots
-        raise UndecidedError
+        return self._enclosed(
+            lambda: isolated_roots(p, self.work),
+            lambda roots: all(root.real > 0 or root.real < 0 for root, _ in roots),
+        )
 
     def _positive(self, p: fmpq_poly) -> list[arb]:
         """Return the positive roots of a polynomial that has none at zero, in ascending order, as often as they occur."""
-        for _ in self._digits():
-            roots = isolated_roots(p, self.work)
-            real = [(root.real, count) for root, count in roots if root.imag == 0]
-            told = all(x > 0 or x < 0 for x, _ in real)
-            if told and all(root.imag == 0 or root.imag > 0 or root.imag < 0 for root, _ in roots):
-                return sorted((x for x, count in real if x > 0 for _ in range(count)), key=float)
-        raise UndecidedError
+
+        def told(root: acb) -> bool:
+            side = root.real if root.imag == 0 else root.imag
+            return side > 0 or side < 0
+
+        roots = self._enclosed(lambda: isolated_roots(p, self.work), lambda roots: all(told(root) for root, _ in roots))
+        real = [root.real for root, count in roots if root.imag == 0 for _ in range(count)]
+        return sorted((x for x in real if x > 0), key=float)
 
     def crossings(self, level: float, inside: float = 1.0) -> tuple[list[arb], bool]:
         """Return where a singular value equals the level, and whether all are below it at one frequency.
@@ -235,19 +237,17 @@ class Exact:
         """Return a gain in one direction at ``omega^2``, which may be infinite, enclosed: the largest but for rounding."""
         a, N = self.response
         n = a.degree()
-        for _ in self._digits():
+
+        def value() -> arb:
             if square == inf:
-                G = [[acb(entry[n] / a[n]) for entry in row] for row in N]
-            else:
-                s = acb(0, 1) * arb(square).sqrt()
-                over = acb_poly(a)(s)
-                if over.contains(0):
-                    continue
-                G = [[acb_poly(entry)(s) / over for entry in row] for row in N]
-            result = enclosed_gain(acb_mat(G))
-            if result.rad() <= _DIGITS * result.mid():
-                return result
-        raise UndecidedError
+                return enclosed_gain(acb_mat([[acb(entry[n] / a[n]) for entry in row] for row in N]))
+            s = acb(0, 1) * arb(square).sqrt()
+            over = acb_poly(a)(s)
+            if over.contains(0):
+                raise ZeroDivisionError
+            return enclosed_gain(acb_mat([[acb_poly(entry)(s) / over for entry in row] for row in N]))
+
+        return self._enclosed(value, _is_narrow)
 
     def norm(self, square: float, band: tuple[float, float] = (0.0, inf)) -> tuple[float, float, float]:
         """Return two bounds of the H-infinity norm of a stable system and ``omega^2`` of the peak, from a guess of it.
@@ -296,27 +296,28 @@ class Exact:
             a, total = a * fmpq_poly([1, 1]), 2 * total
         n = a.degree()
         rows = [[(-1) ** i * 2 * a[2 * k - i] if 0 <= 2 * k - i <= n else 0 for i in range(n)] for k in range(n)]
-        for _ in self._digits():
-            try:
-                x = arb_mat(fmpq_mat(rows)).solve(arb_mat(fmpq_mat([[total[2 * k]] for k in range(n)])))
-            except ZeroDivisionError:
-                continue
-            result = x[n - 1, 0] / arb(a[n])
-            if result.rad() <= _DIGITS * result.mid():
-                return result
-        raise UndecidedError
+        right = fmpq_mat([[total[2 * k]] for k in range(n)])
+        return self._enclosed(lambda: arb_mat(fmpq_mat(rows)).solve(arb_mat(right))[n - 1, 0] / arb(a[n]), _is_narrow)
 
-    def _digits(self) -> Iterator[int]:
-        """Work with more and more bits, until no operations are left."""
+    def _enclosed(self, attempt: Callable[[], T], told: Callable[[T], bool]) -> T:
+        """Return what an attempt gives in so many bits that it tells; more and more are tried while operations are left."""
         before, bits = flint.ctx.prec, BITS
         try:
             while bits <= _MOST_BITS:
                 self.work.check()
                 flint.ctx.prec = bits
-                yield bits
+                with suppress(ZeroDivisionError):
+                    result = attempt()
+                    if told(result):
+                        return result
                 bits *= 2
         finally:
             flint.ctx.prec = before
+        raise UndecidedError
+
+
+def _is_narrow(x: arb) -> bool:
+    return bool(x.rad() <= _DIGITS * x.mid())
 
 
 def below(x: arb) -> float:

@@ -20,7 +20,8 @@ SUMMED = 1e-12  # of its terms, up to which an entry of products of whole matric
 ALIKE = 1e-9  # of its size, up to which a number from data or an assembly is another one: far above rounding (a choice)
 ROOT = 1e-7  # the root of rounding, with room: by so much of the largest one rounding moves a double value
 
-EXACT_STATES = 40  # up to which exact polynomials prove norms; an inequality takes less time beyond (measured)
+# up to which exact polynomials prove what an inequality does not; beyond they take too long (measured)
+EXACT_STATES = 40
 CERTIFIED = 1e-5  # relative distance of two bounds up to which a norm is certified (a choice)
 LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
 VISIBLE = 1e-4  # of the largest response: what would show in a plot

@@ -256,6 +256,14 @@ def append(first: Lti, *others: Lti) -> Lti:
     return Lti(A, B, C, D, inputs, outputs, states, first.dt)
 
 
+def parallel(first: Lti, second: Lti, sign: int = 1) -> Lti:
+    """Return the sum of two systems of the same signals, or with ``sign`` -1 their difference; states have no names."""
+    corner = np.zeros((len(first.A), len(second.A)), int)
+    A = blocks([[first.A, corner], [corner.T, second.A]])
+    B, C = np.vstack([first.B, second.B]), np.hstack([first.C, sign * second.C])
+    return replace(first, A=A, B=B, C=C, D=first.D + sign * second.D, state_labels=())
+
+
 def series(first: Lti, second: Lti) -> Lti:
     """Return ``second`` driven by the outputs of ``first``, in their order; the states of ``first`` come first."""
     corner = np.zeros((len(first.A), len(second.A)))

@@ -5,6 +5,8 @@ from dataclasses import replace
 from math import inf
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from boomctl.analysis.norm import NO_RESPONSE, NormBounds
 from boomctl.checks import known, positive, span, up_to, warn_user, whole
 from boomctl.exceptions import LowerOrderWarning, ReductionError
@@ -58,8 +60,8 @@ def reduce(
     Parameters
     ----------
     system : control.StateSpace, control.TransferFunction or SecondOrderModel
-        A discrete one is reduced as its continuous image by the bilinear map, which has the same norms and Hankel singular
-        values.
+        The stable part of a discrete one is reduced as its continuous image by the bilinear map, which has the same norms and
+        Hankel singular values.
     order : int, optional
         Number of states wanted, the kept ones included.  Fewer come back, with a warning, where fewer suffice for
         rounding, or where "modal" would have to split a pair of poles.
@@ -88,10 +90,9 @@ def reduce(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, a pole at ``z = -1``, not finite;
-        unknown method; both or none of ``order`` and ``max_error``; an
-        order above the system's or below its kept part, or one that parts equal Hankel singular values ("hankel"); an
-        `omega_range` that does not ascend, or that is too far from the poles.
+        Another kind of system, discrete time that does not say its sampling time, not finite; unknown method; both or none
+        of ``order`` and ``max_error``; an order above the system's or below its kept part, or one that parts equal Hankel
+        singular values ("hankel"); an `omega_range` that does not ascend, or that is too far from the poles.
     ReductionError
         The error exceeds its bound or could not be verified.
 
@@ -145,34 +146,33 @@ def _reduced(
     tell("modal coordinates")
     parts = SystemParts.of(system, limits or (0.0, inf))
     reducer = METHODS[method](given, parts, limits)
+    coordinates = "modal coordinates" if parts.modal is not None else "given coordinates"
+    itself = given if method == "second-order" else system, (0.0, _NO_ERROR)
     try:
-        smaller, result = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
+        found = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
     except ReductionError:
         if wanted is None and order != size:
             raise
-        smaller, result = None, Verified(0.0, 0.0, _NO_ERROR)
-    stages: tuple[str, ...] = ("modal coordinates" if parts.modal is not None else "given coordinates",)
-    if smaller is None or (isinstance(given, Lti) and _states(smaller) >= size):
-        smaller = given if isinstance(given, Lti) or method == "second-order" else system
-        result, stages = Verified(0.0, 0.0, _NO_ERROR), (*stages, AS_GIVEN)
+        found = itself
+    smaller, (bound, error) = itself if isinstance(given, Lti) and _states(found[0]) >= size else found
     if isinstance(smaller, Lti):
         scales = getattr(given, "scales", {})  # A structure is in the units of the machine.
         smaller = replace(
             smaller, input_labels=given.input_labels, output_labels=given.output_labels, state_labels=(), scales=scales
         ).without_dots()
-    peak_omega = float(omega_of_image(result.certificate.peak_omega, system.dt))
+    peak_omega = float(omega_of_image(error.peak_omega, system.dt))
     return ReductionResult(
         _full=given,
         _reduced=smaller,
         order=_states(smaller),
         requested_order=order,
-        error_bound=result.bound,
-        error_norm=result.error,
+        error_bound=bound,
+        error_norm=error.upper_bound,
         method=method,
-        certificate=replace(result.certificate, peak_omega=peak_omega),
+        certificate=replace(error, peak_omega=peak_omega),
         hankel_singular_values=reducer.values,
         retained_order=len(parts.kept.A),
-        stages=stages,
+        stages=(coordinates, AS_GIVEN) if error is _NO_ERROR else (coordinates,),
         omega_range=band,
         full_order=size,
     )
@@ -183,8 +183,8 @@ def _band_of_image(system: Lti, band: Band) -> Band:
         raise ValueError(
             f"`omega_range` must end at or below half the sampling rate, {up_to(system.nyquist)} rad/s, got {band[1]:g}."
         )
-    end = min(band[1], system.nyquist * (1.0 - _NYQUIST))
-    return float(image_of_omega(min(band[0], end), system.dt)), float(image_of_omega(end, system.dt))
+    low, high = image_of_omega(np.minimum(band, system.nyquist * (1.0 - _NYQUIST)), system.dt)
+    return float(low), float(high)
 
 
 def _states(system: Lti | SecondOrderModel) -> int:
@@ -206,8 +206,8 @@ def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti |
     for order in reducer.orders(error):
         tell(f"{order} states")
         with suppress(ValueError, ReductionError):  # A Hankel singular value repeated across the cut, or not verified.
-            smaller, result = reducer.reduced(order)
-            best = min(best, result.error)
-            if result.error <= error:
-                return smaller, result
+            found = reducer.reduced(order)
+            best = min(best, found[1][1].upper_bound)
+            if best <= error:
+                return found
     raise ReductionError(f"max_error = {error:g}: the smallest verified error of any order is {best:.4g}")

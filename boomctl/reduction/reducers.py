@@ -16,11 +16,12 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
+from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.gramians import band_integral, factors
 from boomctl.lti.modal import ModalSystem, diagonalized, residualised, spectral_parts
 from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
-from boomctl.lti.system import Lti, append
-from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, on_circle, verified
+from boomctl.lti.system import Lti, parallel
+from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, verified
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modes import undamped_modes
@@ -57,36 +58,41 @@ def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
     return Balanced(form, values[:count], 2.0 * float(values[count:].sum()))
 
 
-class StateReducer(ABC):
-    """What the methods that give a state space have in common: the stable part is reduced, the kept part joined.
+class Reducer:
+    """What all methods have in common.
 
     Attributes
     ----------
-    values : (n,) ndarray
-        Hankel singular values of what is reduced, descending.
+    form : Balanced
+        What is reduced, balanced.
     """
 
-    values: Array
+    def __init__(self, given: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        self.given, self.parts, self.band = given, parts, band
+        self.form = balance(parts.stable, parts.modal)
 
-    def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        del system  # All that is needed is in its parts.
-        self.parts, self.band = parts, band
+    @property
+    def values(self) -> Array:
+        """Hankel singular values of what is reduced, descending."""
+        return self.form.values
+
+
+class StateReducer(Reducer, ABC):
+    """What the methods that give a state space have in common: the stable part is reduced, the kept part joined."""
 
     @abstractmethod
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the stable part in so many states, or fewer, and a bound of the error."""
 
     def orders(self, error: float) -> Iterator[int]:
-        """Yield the orders, ascending, kept part included, that may have an error not above one wanted."""
-        yield from range(len(self.parts.kept.A) + self.fewest(error), len(self.parts.kept.A) + len(self.values) + 1)
+        """Yield the orders, ascending, kept part included, that may have an error not above one wanted.
 
-    def fewest(self, error: float) -> int:
-        """Return the number of Hankel singular values above an error: no system of fewer states has a smaller error.
-
-        Values below the square root of rounding are no numbers of any precision, and count as zero.
+        No system of fewer states than there are Hankel singular values above an error has a smaller error.  Values below the
+        square root of rounding are no numbers of any precision, and count as zero.
         """
         least = max(error, GRAMIANS * float(self.values.max(initial=0.0)))
-        return int((self.values > least).sum()) if self.band is None else 0
+        fewest, kept = int((self.values > least).sum()) if self.band is None else 0, len(self.parts.kept.A)
+        yield from range(kept + fewest, kept + len(self.parts.stable.A) + 1)
 
     def reduced(self, order: int) -> tuple[Lti, Verified]:
         """Return the reduced system, kept part included, and how its stable part was verified.
@@ -109,25 +115,19 @@ class StateReducer(ABC):
             raise ReductionError(
                 f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
             ) from None
-        result = verified(self.parts, stable, bound, self.band)
-        if len(kept.A):
-            A = append(kept, stable).A
-            stable = Lti(A, np.vstack([kept.B, stable.B]), np.hstack([kept.C, stable.C]), stable.D)
-        return on_circle(self.parts, stable, result, self.band) if self.parts.whole.dt != 0.0 else (stable, result)
+        small, result = verified(self.parts, stable, bound, self.band)
+        return parallel(kept, small), result
 
 
 class GramianReducer(StateReducer):
     """A method that needs the balanced form, of the stable part itself or as a band sees it."""
 
-    def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(system, parts, band)
-        stable, modal = parts.stable, parts.modal
+    def __init__(self, given: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(given, parts, band)
         self.weights: tuple[Array, Array] | None = None
-        if band is not None and len(stable.A):
-            stable, modal, T, R = weighted(stable, modal, band)
-            self.weights = T, R
-        self.form = balance(stable, modal)
-        self.values = self.form.values
+        if band is not None and len(parts.stable.A):
+            stable, modal, T, R = weighted(parts.stable, parts.modal, band)
+            self.weights, self.form = (T, R), balance(stable, modal)
 
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the stable part in so many states, or fewer, and a bound of the error."""
@@ -255,20 +255,14 @@ class ModalTruncation(StateReducer):
     A pair of poles is kept whole, so that the order may come out one less than asked for.
     """
 
-    def __init__(self, system: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(system, parts, band)
-        modal = parts.modal or diagonalized(parts.given)
+    def __init__(self, given: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(given, parts, band)
+        modal = parts.modal or diagonalized(continuous_image(parts.given))
         if modal is None:
             raise ValueError(
                 "method 'modal': the stable poles are defective (Jordan blocks) or nearly so, use 'balanced'"
             )
         self.modal = modal
-        self.values = balance(parts.stable, parts.modal).values
-
-    def orders(self, error: float) -> Iterator[int]:
-        """Yield orders up to all modes: those whose Hankel singular values are rounding may yet have strong peaks."""
-        kept = len(self.parts.kept.A)
-        yield from range(kept + self.fewest(error), kept + len(self.modal.poles) + 1)
 
     def shortened(self, order: int) -> tuple[Lti, float]:
         """Return the strongest modes, and a bound of the error.
@@ -288,7 +282,7 @@ class ModalTruncation(StateReducer):
 
 
 @final
-class StrongestModes:
+class StrongestModes(Reducer):
     """A structure in its strongest undamped modes, outputs with the static share of the others.
 
     A symmetric projection leaves mass, damping and stiffness definite, so that the reduced structure is stable and passive
@@ -300,12 +294,12 @@ class StrongestModes:
         Matrices without real modes.
     """
 
-    def __init__(self, model: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        self.model, self.parts, self.band = model, parts, band
-        self.frequencies, self.modes = undamped_modes(model.structure)
+    def __init__(self, given: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(given, parts, band)
+        self.model = given
+        self.frequencies, self.modes = undamped_modes(given.structure)
         floating = self.frequencies == 0.0
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
-        self.values = balance(parts.stable, parts.modal).values
 
     def orders(self, error: float) -> Iterator[int]:
         """Yield the orders: two states a mode."""
@@ -325,7 +319,7 @@ class StrongestModes:
                 f"{len(self.parts.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
                 f"({len(kept.A)} in the reduced structure): damping couples them to modes that are left out"
             )
-        return smaller, verified(self.parts, stable, inf, self.band)
+        return smaller, verified(self.parts, stable, inf, self.band)[1]
 
     def _ranking(self, floating: Array) -> Array:
         """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""

@@ -73,7 +73,7 @@ class ReductionResult:
     method : str
         How the system was reduced.
     certificate : NormBounds
-        Bounds of the H-infinity norm of the difference between the stable parts.
+        Bounds of the H-infinity norm of the difference between the stable parts; rounding counts in the upper one.
     hankel_singular_values : (n,) ndarray
         Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
     retained_order : int

@@ -9,8 +9,10 @@ from scipy import linalg
 
 from boomctl import reduce
 from boomctl.exceptions import ReductionError
+from tests.lti.test_hidden_modes import floating_chain
 from tests.profiles import examples
-from tests.reduction.test_truth import METHODS, exact_error
+from tests.reduction.test_reduce import METHODS, gap, response
+from tests.reduction.test_truth import exact_error
 from tests.strategies import seeds
 
 pytestmark = pytest.mark.filterwarnings("ignore::boomctl.exceptions.LowerOrderWarning")
@@ -26,14 +28,6 @@ def random_system(seed, integrator=False):
     return control.ss(A, rng.standard_normal((n, 2)), rng.standard_normal((2, n)), rng.standard_normal((2, 2)), 0.05)
 
 
-def gains(full, small, omega):
-    def response(system):
-        z = np.exp(1j * omega * system.dt)[:, None, None]
-        return system.C @ np.linalg.solve(z * np.eye(system.nstates) - system.A, system.B + 0j) + system.D
-
-    return np.linalg.svd(response(full) - response(small), compute_uv=False)[:, 0]
-
-
 @examples(60)
 @given(st.integers(0, 10_000), st.sampled_from(METHODS))
 def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method):
@@ -42,13 +36,20 @@ def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method)
     assert found.system.dt == system.dt
     poles = np.linalg.eigvals(system.A)
     omega = np.concatenate([np.linspace(1e-3, np.pi, 2001), np.abs(np.angle(poles[np.abs(poles) < 1.0]))]) / system.dt
-    worst = gains(system, found.system, omega[omega > 1e-6]).max()
+    worst = gap(system, found.system, omega[omega > 1e-6]).max()
     assert worst <= found.error_norm * (1.0 + 1e-5) + 1e-9
     if not found.retained_order:  # what splitting an integrator off may change of the rest is added to the error
         assert worst >= 0.5 * found.error_norm
     assert found.error_norm <= found.error_bound * (1.0 + 1e-5)
     assert found.retained_order == (1 if seed % 3 == 0 else 0)
     assert found.curves.omega[-1] <= np.pi / system.dt
+
+
+def test_pole_at_half_the_sampling_rate_is_kept():
+    full = control.ss(np.diag([-1.0, 0.5, 0.1]), np.ones((3, 1)), np.ones((1, 3)), 0.0, 0.1)
+    found = reduce(full, 2)
+    assert (found.order, found.retained_order) == (2, 1)
+    assert 0.0 < gap(full, found.system, np.linspace(0.0, 30.0, 50)).max() <= found.error_norm
 
 
 @examples(30)
@@ -93,21 +94,19 @@ def test_order_above_that_of_the_image_is_tried(seed, order):
 def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_apart(seed):
     """What is refused is refused for rounding of its matrices, not for a pole that one half keeps and the other does not."""
     rng = np.random.default_rng(seed)
-    n = int(rng.integers(2, 5))
-    k, m = 10.0 ** rng.uniform(0.0, 4.0) * rng.uniform(0.5, 2.0, n - 1), rng.uniform(0.5, 20.0, n)
-    rates = (np.diag([*k, 0.0]) + np.diag([0.0, *k]) - np.diag(k, 1) - np.diag(k, -1)) / m[:, None]
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-rates, -(10.0 ** rng.uniform(-3.5, -1.5)) * rates]])
-    B, C = np.concatenate([np.zeros(n), rng.standard_normal(n) / m])[:, None], rng.standard_normal((1, 2 * n))
+    A, B, _ = floating_chain(rng)
+    C = rng.standard_normal((1, len(A)))
     fastest = np.abs(np.linalg.eigvals(A)).max()
     P = control.sample_system(control.ss(A, B, C, 0.0), float(10.0 ** rng.uniform(-1.7, 0.0) / fastest))
     try:
-        found = reduce(P, int(rng.integers(2, 2 * n)), METHODS[int(rng.integers(4))])
+        found = reduce(P, int(rng.integers(2, len(A))), METHODS[int(rng.integers(4))])
     except ReductionError as refused:
         assert "may change its response without bound" in str(refused)  # noqa: PT017
         return
-    small, z = found.system, np.exp(1j * np.geomspace(0.05, np.pi, 60))
-    gap = np.abs(P(z, squeeze=False) - small(z, squeeze=False)).max()
-    assert gap <= found.error_norm * (1.0 + 1e-6) + 1e-6 * np.abs(P(z, squeeze=False)).max()
+    omega = np.geomspace(0.05, np.pi, 60) / P.dt
+    assert (
+        gap(P, found.system, omega).max() <= found.error_norm * (1.0 + 1e-6) + 1e-6 * np.abs(response(P, omega)).max()
+    )
 
 
 @examples(100)

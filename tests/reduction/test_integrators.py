@@ -9,6 +9,7 @@ import pytest
 import boomctl as bc
 from boomctl.exceptions import LowerOrderWarning
 from boomctl.lti.system import of
+from tests.reduction.test_reduce import METHODS
 
 
 def cart(friction, masses=2, coordinates="plain", seed=0):
@@ -47,7 +48,7 @@ def test_without_friction_the_rigid_motion_is_a_double_integrator(masses, coordi
     assert of(reduced.system).response(np.array([slow]))[:, 0, 0] == pytest.approx(-1.0 / (masses * slow**2), rel=1e-4)
 
 
-@pytest.mark.parametrize("method", ["balanced", "singular-perturbation", "hankel", "modal"])
+@pytest.mark.parametrize("method", METHODS)
 def test_an_order_not_asked_for_is_said(method):
     system = cart(0.3, masses=4, coordinates="orthogonal")
     for order in range(1, system.nstates + 1):

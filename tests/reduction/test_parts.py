@@ -28,7 +28,7 @@ def modal_of(seed):
 
 
 @given(seeds)
-def test_gramians_in_closed_form_and_hammarlings_solve_their_equations(seed):
+def test_gramians_in_closed_form_and_refined_solve_their_equations(seed):
     modal = modal_of(seed)
     system = modal.blocks
     for way in (modal, None):

@@ -10,6 +10,7 @@ import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.system import of
+from boomctl.structure import SecondOrderModel
 from tests.hard_systems import modes
 from tests.strategies import seeds
 
@@ -30,10 +31,13 @@ def stable_system(seed, most=12, inputs=2, outputs=3):
 
 
 def response(system, omega=GRID):
-    return of(system).balanced().response(omega)
+    if isinstance(system, SecondOrderModel):
+        return np.asarray(system.frequency_response(omega).frdata)
+    return of(system, any_time=True).balanced().response(omega)
 
 
 def gap(full, reduced, omega=GRID):
+    """Return the largest singular value of the difference, both answered from their own matrices."""
     return singular_values(response(full, omega) - response(reduced, omega))[0]
 
 
@@ -89,9 +93,7 @@ def test_the_boom_keeps_its_response_and_its_names(method, elements):
     red = bc.reduce(model, order=10, method=method)
     assert tuple(red.system.input_labels) == ACTUATORS
     assert tuple(red.system.output_labels) == TIPS
-    omega = bc.sigma(model).omega
-    full = np.asarray(model.frequency_response(omega).frdata)
-    shown = singular_values(full - response(red.system, omega))[0]
+    shown = gap(model, red.system, bc.sigma(model).omega)
     assert shown.max() <= red.error_norm * (1 + 1e-4)
     assert shown.max() >= 0.3 * red.error_norm
     assert red.certificate.lower_bound <= red.error_bound
@@ -136,7 +138,6 @@ def test_repr_with_omega_range_names_range_and_unit():
         ),
         ({"order": 2, "method": "second-order"}, "SecondOrderModel"),
         ({"order": 5, "method": "second-order", "system": bc.spray_boom(elements=6)}, "even number"),
-        ({"order": 1, "system": control.ss(np.diag([-1.0, 0.5]), np.eye(2), np.eye(2), 0.0, 0.1)}, "pole at z = -1"),
         (
             {"order": 1, "system": control.ss(0.5, 1.0, 1.0, 0.0, 0.1), "omega_range": (1.0, 100.0)},
             "^`omega_range` must end at or below half the sampling rate",
@@ -149,7 +150,7 @@ def test_arguments_that_do_not_fit_are_refused_in_one_line(arguments, message):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("method", ["balanced", "singular-perturbation", "hankel", "modal"])
+@pytest.mark.parametrize("method", METHODS)
 def test_of_an_error_below_rounding_the_system_itself_comes_back(method):
     full = stable_system(2)
     found = bc.reduce(full, max_error=1e-16, method=method)
