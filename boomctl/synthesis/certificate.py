@@ -1,10 +1,12 @@
 """Certificates of controllers, computed from the closed loop independently of the synthesis."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, nan
 from typing import TYPE_CHECKING
 
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.norm import NormBounds
 from boomctl.lti.system import Lti, unscaled
 from boomctl.printing import compact, sentence
@@ -49,6 +51,19 @@ class Design:
     def closed_loop(self) -> "control.StateSpace":
         """The closed loop, converted on first access."""
         return self._closed_loop.statespace("closed_loop")
+
+
+@dataclass(frozen=True)
+class LoopDesign(Design):
+    """Design of a controller for one plant, ``_plant``, whose last signals it closes."""
+
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
+    _plant: Lti = field(repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield the claims about the loop of the plant that can be proved."""
+        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
 
 @dataclass(frozen=True)

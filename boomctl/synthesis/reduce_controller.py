@@ -1,7 +1,7 @@
 """Reduction of controllers, with verification of the closed loop."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from boomctl.lti.modal import residualised
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.certificate import Design
+from boomctl.synthesis.certificate import LoopDesign
 from boomctl.synthesis.hinf.candidates import largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 from boomctl.threads import one_blas_thread
@@ -30,7 +30,7 @@ _MAX_CONDITION = 1e12  # Of the static equation of truncated states, which leave
 
 
 @dataclass(frozen=True)
-class ReducedController(Design):
+class ReducedController(LoopDesign):
     """Result of a controller reduction.
 
     Attributes
@@ -53,8 +53,6 @@ class ReducedController(Design):
         Hankel-like singular values of the controller's states within the closed loop, descending.
     """
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     order: int
     gamma: float
     gamma_full: float
@@ -157,6 +155,7 @@ def reduce_controller(
         return ReducedController(
             _controller=replace(result.K, scales=plant.system.scales),
             _closed_loop=result.loop,
+            _plant=plant.system,
             order=len(result.K.A),
             gamma=result.norm.lower_bound,
             gamma_full=full.norm.lower_bound,

@@ -12,12 +12,11 @@ from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
-from boomctl.lti.system import Lti
 from boomctl.printing import Summarized, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, largest_pole, lowest_controller, verified_candidate
 from boomctl.synthesis.hinf.normal_form import normalized
@@ -34,7 +33,7 @@ _MAX_SPEED = 1000.0  # Default limit of the controller's poles, relative to thos
 
 
 @dataclass(frozen=True)
-class HInfinityResult(Summarized, Design):
+class HInfinityResult(Summarized, LoopDesign):
     """Result of an H-infinity synthesis.
 
     Attributes
@@ -56,12 +55,9 @@ class HInfinityResult(Summarized, Design):
         Time of the design and its verification [s].
     """
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     gamma: float
     certificate: DesignCertificate
     gamma_bounds: Bounds
-    _plant: Lti = field(repr=False, compare=False)
     _rtol: float = field(repr=False, compare=False)
     elapsed: float = field(repr=False, compare=False)
 
@@ -216,12 +212,12 @@ def h_infinity(
             full_plant=judged_on_full_plant(origin_of(P), given, K, candidate.norm),
         )
         return HInfinityResult(
-            K,
-            candidate.loop,
-            candidate.norm.lower_bound,
-            certificate,
-            bounds,
-            given.system,
+            _controller=K,
+            _closed_loop=candidate.loop,
+            _plant=given.system,
+            gamma=candidate.norm.lower_bound,
+            certificate=certificate,
+            gamma_bounds=bounds,
             _rtol=rtol if wanted is None else np.inf,
             elapsed=deadline.elapsed,
         )

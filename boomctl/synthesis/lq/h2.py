@@ -4,20 +4,18 @@ Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Cont
 (1995), Optimal Sampled-Data Control Systems, chapter 6: the control at a sample may use the measurement at that sample.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -37,7 +35,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class H2Result(Design):
+class H2Result(LoopDesign):
     """Result of an H2 synthesis.
 
     Attributes
@@ -60,17 +58,10 @@ class H2Result(Design):
 
     _called = "h2"
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     norm: float
     optimal_norm: float
     poles: Array = field(repr=False)
     certificate: DesignCertificate
-    _plant: Lti = field(repr=False, compare=False)
-
-    def __claims__(self) -> Iterator[Claim]:
-        """Yield the claims about the loop of the plant that can be proved."""
-        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     def __repr__(self) -> str:
         c = self.certificate

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative, some_names, warn_user
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.lq.kalman import solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class LqgResult(Design):
+class LqgResult(LoopDesign):
     """Result of a linear-quadratic-Gaussian design.
 
     Attributes
@@ -56,18 +55,11 @@ class LqgResult(Design):
 
     _called = "lqg"
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     regulator_gain: Array = field(repr=False)
     filter_gain: Array = field(repr=False)
     poles: Array = field(repr=False)
     cost: float
     certificate: DesignCertificate
-    _plant: Lti = field(repr=False, compare=False)
-
-    def __claims__(self) -> Iterator[Claim]:
-        """Yield the claims about the loop of the plant that can be proved."""
-        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @property
     def h2_norm(self) -> float:
