@@ -21,7 +21,7 @@ from boomctl.lti.frequency import largest_gain
 from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.system import Lti, append, series, static
+from boomctl.lti.system import Lti, series
 from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
 from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
@@ -158,11 +158,12 @@ def lqr(
     problem = replace(problem, A=whole.A, B=acting.B, Q=weights, N=np.vstack([problem.N, np.zeros((k, m))]))
     solution = solved_regulator(problem, driven, whole.state_labels)
     F = solution.gain
-    K = series(append(static(np.eye(n), plant.state_labels), bank), static(-F, (), driven))
+    B, D = np.hstack([np.zeros((k, n)), bank.B]), np.hstack([-F[:, :n], np.zeros((m, k))])
+    inputs, states = plant.state_labels + integrated, bank.state_labels
     others = tuple(name for name in plant.input_labels if name not in driven) or driven
     closed_loop = replace(whole.select(others), A=whole.A - acting.B @ F, C=C - acting.D @ F)
     return LqrResult(
-        _controller=replace(K, dt=plant.dt, scales=plant.scales).without_dots(),
+        _controller=Lti(bank.A, B, -F[:, n:], D, inputs, driven, states, plant.dt, plant.scales).without_dots(),
         _closed_loop=closed_loop,
         _plant=Lti(plant.A, way.B, np.vstack([np.eye(n), way.C]), np.vstack([np.zeros((n, m)), way.D]), dt=plant.dt),
         gain=F,
