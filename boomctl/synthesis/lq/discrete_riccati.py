@@ -17,15 +17,15 @@ from boomctl.synthesis.lq.riccati import (
     RiccatiProblem,
     RiccatiSolution,
     best_solution,
+    continuous_solutions,
     even,
     refined,
-    solve_riccati,
 )
 
 _MAX_DOUBLINGS = 64  # A pole within one ulp of the unit circle has decayed after 57.
 
 
-def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
+def solution_of(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
     """Return the stabilizing solution of a problem in continuous or discrete time.
 
     Raises
@@ -33,18 +33,7 @@ def solution_of(problem: RiccatiProblem, what: str) -> RiccatiSolution:
     SynthesisError
         If no solution is found, or if it is not accurate enough.
     """
-    return (solve_riccati if problem.dt == 0.0 else solve_discrete_riccati)(problem, what)
-
-
-def solve_discrete_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the stabilizing solution of a problem in discrete time.
-
-    Raises
-    ------
-    SynthesisError
-        If no solution is found, or if it is not accurate enough.
-    """
-    return best_solution(_solutions(problem), what)
+    return best_solution((continuous_solutions if problem.dt == 0.0 else _solutions)(problem), what)
 
 
 def _solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:

@@ -166,18 +166,7 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
     return np.diag(d), np.diag(1.0 / d)
 
 
-def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the stabilizing solution of a problem in continuous time.
-
-    Raises
-    ------
-    SynthesisError
-        If there is none, or if it is not accurate enough.
-    """
-    return best_solution(_solutions(problem), what)
-
-
-def _solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
+def continuous_solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
     """Yield solutions in modal coordinates, accurate for light damping and fine meshes, and in scaled ones."""
     shifted = problem.shifted
     for name, coordinates in (("modal", _modal), ("scaled", _scaled)):
