@@ -32,20 +32,15 @@ class Design:
     _closed_loop: Lti
     _called = "controller"  # name of that system
 
-    @property
+    @cached_property
     def controller(self) -> "control.StateSpace":
         """Controller ``u = K y`` in the units of the machine."""
-        return self._controllers[0]
-
-    @property
-    def scaled_controller(self) -> "control.StateSpace":
-        """Controller ``u = K y`` in the scaled signals of the plant; equal to ``controller`` for a plant without scales."""
-        return self._controllers[1]
+        return unscaled(self._controller).statespace(self._called)
 
     @cached_property
-    def _controllers(self) -> "tuple[control.StateSpace, control.StateSpace]":
-        scaled = self._controller.statespace(self._called)
-        return unscaled(self._controller).statespace(self._called) if self._controller.scales else scaled, scaled
+    def scaled_controller(self) -> "control.StateSpace":
+        """Controller ``u = K y`` in the scaled signals of the plant; equal to ``controller`` for a plant without scales."""
+        return self._controller.statespace(self._called)
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":

@@ -122,7 +122,10 @@ def test_recovery_comes_nearer_with_every_step():
     assert found.recovery_errors[-1] < 0.03
     # a place from a force: the poles of the filter go out with the fourth root of the noise, and the gap falls with it
     assert found.recovery_errors[-1] / found.recovery_errors[-2] == pytest.approx(1e3**-0.25, rel=0.3)
-    assert np.abs(found.recovered / found.target - 1.0).max() == pytest.approx(found.recovery_errors[-1])
+    design, plant, s = found.designs[-1], jolt.to_statespace(), 3j
+    target = design.regulator_gain @ np.linalg.solve(s * np.eye(plant.nstates) - plant.A, plant.B[:, [1]])
+    recovered = design.controller(s) * plant(s)[1, 1]
+    assert abs(abs(recovered / target.item()) - 1.0) <= found.recovery_errors[-1]
 
 
 def test_recovery_is_not_complete_with_a_zero_in_the_right_half_plane():

@@ -154,14 +154,16 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti:
     return replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, state_labels=())
 
 
-def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate:
-    """Return a controller whose loop is stable, with a verified norm up to ``limit``.
+def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float, fastest: float = np.inf) -> Candidate:
+    """Return a controller whose loop is stable, with a verified norm up to ``limit``, and its poles up to ``fastest``.
 
     Raises
     ------
     ValueError
         If the controller does not pass, with the reason.
     """
+    if (speed := largest_pole(K)) > fastest:
+        raise ValueError(f"a pole at {speed:.3g} rad/s where {fastest:.3g} are allowed")
     parts = ClosedLoop(plant.system, K)
     loop = parts.system
     abscissa = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))
