@@ -15,11 +15,10 @@ from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_imag
 from boomctl.printing import Summarized, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.assumptions import checked
 from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, largest_pole, lowest_controller, verified_candidate
-from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.full_plant import judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.threads import one_blas_thread
@@ -176,13 +175,10 @@ def h_infinity(
     if discrete and fastest_pole is not None:
         raise ValueError("`fastest_pole` must be None for a discrete plant, whose controller runs once a sample.")
     wanted = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MAP_RTOL if discrete else 1.0)
-    plant = replace(given, system=continuous_image(given.system)) if discrete else given
+    plant = replace(given, system=continuous_image(given.system))
     rtol, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
-    check_ranks(plant)
-    ready = normalized(plant)
-    check_modes(plant, ready)
-    check_zeros(plant, ready)
+    ready = checked(plant)
     with computing("H-infinity synthesis", progress):
         deadline = Deadline(limit)
         try:
@@ -196,9 +192,9 @@ def h_infinity(
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
         bounds = bounds.below(candidate.norm.upper_bound)
         summary = _summary(task, bounds, candidate)
+        bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, given.system.dt)))
         if discrete:
             candidate, summary = _on_circle(given, candidate), f"{summary}; verified again on the unit circle"
-            bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, given.system.dt)))
         labels = {"input_labels": given.measurements, "output_labels": given.controls}
         K = replace(candidate.K, **labels, scales=given.system.scales)
         certificate = DesignCertificate(

@@ -14,9 +14,8 @@ from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
+from boomctl.synthesis.assumptions import check_ranks, checked
 from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
-from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
@@ -120,9 +119,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         raise ValueError("`P` must have at least one state, got a static gain.")
     check_ranks(plant)
     shifted, direct = _without_feedthrough(plant)
-    ready = normalized(shifted)
-    check_modes(shifted, ready)
-    check_zeros(shifted, ready)
+    checked(shifted)
     regulator = _solved(shifted, "the Riccati equation of the H2 regulator")
     estimator = _solved(shifted.dual, "the Riccati equation of the H2 filter")
     K, least = _controller(shifted, regulator, estimator)
