@@ -23,7 +23,8 @@ def boom_problem(elements, effort=1e-6):
 
 
 def relative_residual(problem, X):
-    half, drop = problem.terms(X)
+    half, side = problem.A.T @ X, X @ problem.B
+    drop = side @ np.linalg.solve(problem.R, side.T)
     size = max(np.linalg.norm(half), np.linalg.norm(drop), np.linalg.norm(problem.Q))
     return np.linalg.norm(half + half.T + problem.Q - drop) / size
 

@@ -133,8 +133,7 @@ def test_design_controller_in_machine_units(method, dt):
         [other.phase_margin_deg, other.disk_margin.alpha],
         rtol=1e-6,
     )
-    if method != "reduce_controller":  # its result makes no claim to prove
-        bc.prove(design)
+    bc.prove(design)
 
 
 def test_design_without_scales_keeps_controller():

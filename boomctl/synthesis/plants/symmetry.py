@@ -163,14 +163,11 @@ def split_controller(
 
 
 def _frequencies(K: Lti) -> Array:
-    """Return frequencies at and around a controller's poles, except for undamped ones."""
+    """Return frequencies around a controller's poles and beside them, where the response of undamped ones is finite."""
     poles = K.poles[resolved(K.poles) & (K.poles != 0.0)]
     poles = poles if len(poles) else -np.ones(1)
     size = np.abs(poles)
-    grid = np.union1d(np.geomspace(0.01 * size.min(), 10.0 * size.max(), 200), size)
-    for omega in size[np.abs(poles.real) <= _GAP * size]:
-        grid = np.where(np.abs(grid - omega) <= _GAP * omega, omega * (1.0 + _GAP), grid)
-    return grid
+    return np.union1d(np.geomspace(0.01 * size.min(), 10.0 * size.max(), 200), (1.0 + _GAP) * size)
 
 
 def _clusters(K: Lti) -> list[Lti]:
