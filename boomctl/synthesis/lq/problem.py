@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, real
+from boomctl.checks import finite_array, known, real, within
 from boomctl.lti.system import Lti, of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
@@ -81,10 +81,7 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
     for name, number in value.items() if isinstance(value, Mapping) else ():
         array[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
     for entry in np.abs(array[array != 0.0]):
-        if not _RANGE[0] <= entry <= _RANGE[1]:
-            raise ValueError(
-                f"`{what}` must have entries from {_RANGE[0]:g} to {_RANGE[1]:g} in modulus, got {entry:g}."
-            )
+        within(f"modulus of an entry of {what}", float(entry), *_RANGE)
     if array.ndim == 0:
         return float(array) * np.eye(n)
     if array.shape == (n,):

@@ -17,7 +17,7 @@ from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.reduction.result import ReductionResult
 from boomctl.structure.model import SecondOrderModel
-from boomctl.synthesis.plants.full_plant import carrying, plant_within, warn_of_lost_channels
+from boomctl.synthesis.plants.full_plant import generalized, plant_within
 from boomctl.threads import one_blas_thread
 
 Weight = float | control.StateSpace | control.TransferFunction
@@ -112,9 +112,7 @@ def generalized_plant(
             raise ValueError(f"The generalized plant must have at least one {what}, got none.")
 
     channels = {"disturbances to performance outputs": (tuple(w), tuple(z)), "controls to measurements": (driven, read)}
-    warn_of_lost_channels(plant, channels)
-    around = partial(_weighed, w=w, n=n, z=z, e=e, read=read, driven=driven)
-    return carrying(around(system).statespace("generalized_plant"), plant, around)
+    return generalized(plant, partial(_weighed, w=w, n=n, z=z, e=e, read=read, driven=driven), channels)
 
 
 def _weighed(
@@ -193,9 +191,7 @@ def mixed_sensitivity(
     if not weights:
         raise ValueError("`W1`, `W2` or `W3` must be given, got None for all.")
 
-    warn_of_lost_channels(plant, {"controls to measurements": (ins, outs)})
-    around = partial(_with_errors, weights=weights)
-    return carrying(around(system).statespace("generalized_plant"), plant, around)
+    return generalized(plant, partial(_with_errors, weights=weights), {"controls to measurements": (ins, outs)})
 
 
 def _with_errors(system: Lti, *, weights: _Weights) -> Lti:
