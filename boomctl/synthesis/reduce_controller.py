@@ -141,7 +141,7 @@ def reduce_controller(
     orders = range(most + 1) if order is None else [min(order, most)]
     ways = [(method, partial(reduced, balanced, count)) for count in orders for method, reduced in _METHODS.items()]
     if order is None or order >= len(K.A):
-        ways.append(("not reduced", lambda: K))  # balancing may cost what is allowed
+        ways.append(("not reduced", partial(replace, K)))  # balancing may cost what is allowed
     allowed, rejected = full.norm.upper_bound * (1.0 + share), ""
     for method, reduced in ways:
         try:

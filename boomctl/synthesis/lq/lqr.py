@@ -146,7 +146,8 @@ def lqr(
     """
     plant = plant_of(system, sampled=True)
     driven = some_names("control", controls, plant.input_labels)
-    integrated = names("integral_action", integral_action, plant.output_labels)
+    listed = tuple(integral_action) if isinstance(integral_action, Mapping) else integral_action
+    integrated = names("integral_action", listed, plant.output_labels)
     integrals = integral_action if isinstance(integral_action, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(plant, driven, Q, R, output_weight, N=N)
     bank, way = _integrators(integrated, plant.dt), plant.select(driven, integrated)

@@ -6,7 +6,7 @@ frequency (small gain). This is sufficient, not necessary; unless the full plant
 computed too.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, isfinite, nan
@@ -67,7 +67,7 @@ def origin_of(P: Any) -> ReducedPlant | None:
 
 
 def generalized(
-    plant: Any, around: Callable[[Lti], Lti], channels: dict[str, tuple[Sequence[str], Sequence[str]]]
+    plant: Any, around: Callable[[Lti], Lti], channels: Mapping[str, tuple[Sequence[str], Sequence[str]]]
 ) -> "control.StateSpace":
     """Return the generalized plant of a plant, which remembers a reduction.
 
