@@ -1,4 +1,4 @@
-"""Pictures over frequency of what designs are judged by: reductions, recovered loops."""
+"""Pictures over frequency of what designs are judged by: reductions, H-infinity and tuned loops."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any

@@ -1,5 +1,6 @@
 """Riccati equations: states that cost nothing, unstable ones that must move, meshes on which the peers fail."""
 
+import control
 import mpmath as mp
 import numpy as np
 import pytest
@@ -66,6 +67,18 @@ def test_states_without_a_way_to_the_weight_cost_exactly_nothing():
     assert not design.riccati_solution[-4:].any()
     assert design.gain[:, :-4] == pytest.approx(bare.gain, rel=1e-6, abs=1e-9 * np.abs(bare.gain).max())
     assert len(design.poles) == len(bare.poles) + 4
+
+
+@pytest.mark.parametrize("dt", [0.0, 0.1])
+@given(seed=seeds)
+@examples(40)
+def test_control_that_makes_the_weight_vanish_costs_exactly_nothing(dt, seed):
+    rng, system = np.random.default_rng(seed), random_system(seed, unstable=False)
+    stable, F, R = linalg.expm(dt * system.A) if dt else system.A, rng.standard_normal((2, 5)), np.diag([2.0, 0.3])
+    plant = control.ss(stable + system.B @ F, system.B, system.C, 0.0, dt)
+    design = bc.lqr(plant, F.T @ R @ F, R, N=F.T @ R)
+    assert not design.riccati_solution.any()
+    assert design.gain == pytest.approx(F, rel=1e-9, abs=1e-12)
 
 
 @given(seeds)

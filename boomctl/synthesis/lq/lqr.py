@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.analysis.norm import NormBounds
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, names, some_names
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, omega_of_image
@@ -204,8 +204,7 @@ def regulator_problem(
     if cross.shape != (n, m):
         raise ValueError(f"`N` must have the shape {(n, m)}, states by controls, got {cross.shape}.")
     if cross.any():
-        joint = states - cross @ linalg.solve(efforts, cross.T, assume_a="pos")
-        semidefinite("Q - N R^-1 N^T", even(joint), plant.state_labels)
+        semidefinite("[Q, N; N^T, R]", blocks([[states, cross], [cross.T, efforts]]), (*plant.state_labels, *controls))
     if output_weight is not None:
         W = semidefinite("output_weight", output_weight, plant.output_labels)
         states, efforts, cross = states + C.T @ W @ C, efforts + D.T @ W @ D, cross + C.T @ W @ D

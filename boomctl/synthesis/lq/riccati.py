@@ -18,7 +18,7 @@ from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import SUMMED, TINY
 from boomctl.lti.system import rates_of, signal_scales
 from boomctl.printing import compact
 
@@ -57,11 +57,12 @@ class RiccatiProblem:
 
     @cached_property
     def costly(self) -> Array:
-        """Which states have a cost: not stable ones that no nonzero entries of the matrices connect to the weight."""
-        costly, links = (self.Q != 0.0).any(axis=1) | (self.N != 0.0).any(axis=1), self.A != 0.0
+        """Which states have a cost: not stable ones that no entries of the shifted problem connect to the weight."""
+        (A, _, Q), size = self.shifted, np.sqrt(np.diag(self.Q))
+        costly, links = (np.abs(Q) > SUMMED * np.outer(size, size)).any(axis=1), A != 0.0
         while (more := costly | links[costly].any(axis=0)).sum() > costly.sum():
             costly = more
-        others = np.asarray(linalg.eigvals(self.A[np.ix_(~costly, ~costly)]), dtype=complex)
+        others = np.asarray(linalg.eigvals(A[np.ix_(~costly, ~costly)]), dtype=complex)
         return costly | (sides(others, self.dt) >= 0).any()
 
     def gain(self, X: Array) -> Array:
