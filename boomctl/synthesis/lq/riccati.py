@@ -47,7 +47,7 @@ class RiccatiProblem:
 
     __repr__ = compact
 
-    @property
+    @cached_property
     def shifted(self) -> tuple[Array, Array, Array]:
         """``A - B R^-1 N^T``, ``B R^-1/2`` and ``Q - N R^-1 N^T``: the problem without its cross term."""
         L = linalg.cholesky(self.R, lower=True)
@@ -63,7 +63,7 @@ class RiccatiProblem:
         while (more := costly | links[costly].any(axis=0)).sum() > costly.sum():
             costly = more
         others = np.asarray(linalg.eigvals(A[np.ix_(~costly, ~costly)]), dtype=complex)
-        return costly | (sides(others, self.dt) >= 0).any()
+        return np.asarray(costly | (sides(others, self.dt) >= 0).any())
 
     def gain(self, X: Array) -> Array:
         """Return ``F`` of ``u = -F x``."""
