@@ -58,7 +58,7 @@ class RiccatiProblem:
     @cached_property
     def costly(self) -> Array:
         """Which states have a cost: not stable ones that no entries of the shifted problem connect to the weight."""
-        (A, _, Q), size = self.shifted, np.sqrt(np.diag(self.Q))
+        (A, _, Q), size = self.shifted, np.sqrt(np.maximum(np.diag(self.Q), 0.0))
         costly, links = (np.abs(Q) > SUMMED * np.outer(size, size)).any(axis=1), A != 0.0
         while (more := costly | links[costly].any(axis=0)).sum() > costly.sum():
             costly = more
