@@ -1,4 +1,4 @@
-"""Frequency plots of reductions and recovered loops."""
+"""Frequency plots of reductions, H-infinity and tuned loops."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -8,13 +8,12 @@ from matplotlib.axes import Axes
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import VISIBLE
-from boomctl.plotting.canvas import COLORS, divided, few_labels, frequency_axis, legend, line_look, panels
+from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
     from boomctl.reduction.result import ReductionResult
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
-    from boomctl.synthesis.lq.recovery import RecoveryResult
     from boomctl.tuning.result import TuneResult
 
 _SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)
@@ -65,49 +64,6 @@ def plot_reduction(
         few_labels(axes)
         axes.set_title(f"Reduction by the method {result.method!r}")
         axes.legend()
-    return axes
-
-
-def plot_recovery(
-    result: "RecoveryResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
-) -> Array:
-    """Draw the regulator's loop and the recovered one over frequency, and the gap over the strength of the noise.
-
-    Parameters
-    ----------
-    result : RecoveryResult
-    ax : sequence of two matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
-    frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
-    **style
-        Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
-
-    Returns
-    -------
-    (2,) ndarray of matplotlib Axes
-    """
-    with panels(ax, ("loops", "gaps"), (9.0, 3.6), divided(1, 2, width_ratios=(1.4, 1.0))) as axes:
-        left, right = axes
-        x = result.omega / frequency_axis(left, frequency_unit)
-        for name, lines, default in (
-            ("regulator", result.target, {"color": "0.6", "linewidth": 2.6}),
-            (f"LQG, strength {result.noise_intensities[-1]:.3g}", result.recovered, {"color": COLORS[0]}),
-        ):
-            _curves(left, x, lines, name, style, default)
-        left.axhline(1.0, color="0.3", linewidth=0.7, zorder=0)
-        left.set_ylabel("singular values of the loop")
-        left.set_title("Loop at the plant's input")
-        left.legend()
-        order = np.argsort(result.noise_intensities)
-        look = line_look(style, color=COLORS[0], marker="o", markersize=4)
-        right.loglog(result.noise_intensities[order], result.recovery_errors[order], **look)
-        right.set(xlabel="strength of the fictitious noise", ylabel="largest relative gap")
-        for item in axes:
-            few_labels(item)
-        zeros = len(result.zeros)
-        right.set_title("Gap" if not zeros else f"Gap; stays: {zeros} zero{'s' * (zeros > 1)} in the right half-plane")
-        legend(right)
     return axes
 
 

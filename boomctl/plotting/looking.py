@@ -1,7 +1,7 @@
 """Pictures of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
 
 from collections.abc import Iterable
-from itertools import cycle, product
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -63,10 +63,7 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
         upper, lower = axes
         scale = frequency_axis(lower, frequency_unit, result.frequency_unit)
         seen = result.omega > 0.0  # there is no zero on a logarithmic axis
-        x, pairs = (
-            result.omega[seen] / scale,
-            list(product(range(len(result.output_labels)), range(len(result.input_labels)))),
-        )
+        x, pairs = result.omega[seen] / scale, list(np.ndindex(result.frdata.shape[:2]))
         pair_names = [f"{result.input_labels[i]} → {result.output_labels[o]}" for o, i in pairs]
         phase = result.phase_deg
         for (o, i), look in zip(pairs, _looks(style, pair_names), strict=True):
@@ -112,11 +109,10 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
 def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: str, style: dict[str, Any]) -> None:
     """Draw a curve around -1, with its direction, what is said of it, and the critical disk."""
     fresh = not ax.has_data()
-    look = line_look(style, color=COLORS[0], marker="." if len(np.unique(curve)) == 1 else "none")
-    label = look.pop("label", None)
+    look = line_look(style, color=COLORS[0], marker="." if len(np.unique(curve)) == 1 else "none", label=said)
     draw_critical(ax, disk if fresh else None)
-    ax.plot(curve.real, curve.imag, label=f"{label}: {said}" if label else said, **look)
-    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8}))
+    ax.plot(curve.real, curve.imag, **look)
+    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
     half = float(np.clip(ROOM * np.percentile(np.abs(curve), 90), NARROW, WIDE))
     half = half if fresh else max(half, ax.get_xlim()[1])
     _arrows(ax, curve, half, look["color"])
@@ -203,15 +199,13 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
     """
     with panels(ax, ("poles and zeros",), (5.4, 5.0)) as (axes,):
         fresh = not axes.has_data()
-        look = line_look(style, color=COLORS[0], markersize=7)
-        label = look.pop("label", None)
         top = _top(result)
         poles, zeros = (values[np.abs(values) <= top] for values in (result.poles, result.zeros))
         hidden = len(result.poles) - len(poles)
-        said = [f"poles ({hidden} faster ones not shown)" if hidden else "poles", "zeros"]
-        for values, marker, words in ((poles, "x", said[0]), (zeros, "o", said[1])):
-            mark = look | {"marker": marker, "linestyle": "none", "fillstyle": "none"}
-            axes.plot(values.real, values.imag, label=f"{label}: {words}" if label else words, **mark)
+        said = f"poles ({hidden} faster ones not shown)" if hidden else "poles"
+        for values, marker, words in ((poles, "x", said), (zeros, "o", "zeros")):
+            look = line_look(style, color=COLORS[0], markersize=7, label=words)
+            axes.plot(values.real, values.imag, **(look | {"marker": marker, "linestyle": "none", "fillstyle": "none"}))
         unit = "" if result.dt else " [rad/s]"
         axes.set(xlabel=f"real part{unit}", ylabel=f"imaginary part{unit}")
         if result.dt:
@@ -355,10 +349,8 @@ def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
         seen = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
         missing = len(result.rows) - len(seen)
         said = f"modes ({missing} without damping not shown)" if missing else "modes"
-        look = line_look(style, color=COLORS[0], marker="o", markersize=4, linestyle="none")
-        label = look.pop("label", None)
-        x, y = ([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping_ratio for row in seen])
-        axes.loglog(x, y, label=f"{label}: {said}" if label else said, **look)
+        look = line_look(style, color=COLORS[0], marker="o", markersize=4, linestyle="none", label=said)
+        axes.loglog([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping_ratio for row in seen], **look)
         axes.set(xlabel="natural frequency [Hz]", ylabel="damping [%]")
         few_labels(axes)
         axes.legend()

@@ -107,27 +107,17 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
     def hz(at: float) -> str:
         return f" at {at / (2.0 * np.pi):.3g} Hz" if np.isfinite(at) else ""
 
-    gains = [complex(-1.0 / factor) for factor in loop.gain_margin if 0.0 < factor < np.inf]
+    def text(name: str, sign: str, value: float, unit: str, at: float) -> str:
+        return f"{name} {sign}{value:.3g}{unit}{hz(at)}" if np.isfinite(value) else f"{name}: any"
+
+    gains, disk = [complex(-1.0 / factor) for factor in loop.gain_margin if 0.0 < factor < np.inf], loop.disk_margin
     high = f"{loop.gain_margin[1]:.3g}" if np.isfinite(loop.gain_margin[1]) else "∞"
-    phase = (
-        f"phase ±{loop.phase_margin_deg:.3g}°{hz(loop.phase_margin_omega)}"
-        if np.isfinite(loop.phase_margin_deg)
-        else "phase: any"
-    )
-    delay = (
-        f"delay {loop.delay_margin:.3g} s{hz(loop.delay_margin_omega)}"
-        if np.isfinite(loop.delay_margin)
-        else "delay: any"
-    )
-    status = "" if loop.disk_margin.verified else ", not verified"
+    phase = text("phase", "±", loop.phase_margin_deg, "°", loop.phase_margin_omega)
+    delay = text("delay", "", loop.delay_margin, " s", loop.delay_margin_omega)
+    status = "" if disk.verified else ", not verified"
     return [
         (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLORS[1]),
         (phase, place(loop.phase_margin_omega), "o", COLORS[2]),
         (delay, place(loop.delay_margin_omega), "^", COLORS[3]),
-        (
-            f"disk {loop.disk_margin.alpha:.3g}{status}{hz(loop.disk_margin.omega)}",
-            place(loop.disk_margin.omega),
-            "D",
-            COLORS[5],
-        ),
+        (f"disk {disk.alpha:.3g}{status}{hz(disk.omega)}", place(disk.omega), "D", COLORS[5]),
     ]

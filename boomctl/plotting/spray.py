@@ -15,19 +15,6 @@ if TYPE_CHECKING:
 
 # Doses at which the color changes: ±2, 5, 10 and 20 %, then coarser.
 _STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
-_SHADES = (
-    "#67001f",
-    "#b2182b",
-    "#d6604d",
-    "#f4a582",
-    "#fddbc7",
-    "#f7f7f7",
-    "#d1e5f0",
-    "#92c5de",
-    "#4393c3",
-    "#2166ac",
-    "#053061",
-)
 _MORE = "#1a0a3c"
 
 
@@ -57,13 +44,14 @@ def plot_deposit(
     TypeError, ValueError
         A length not above zero; other axes.
     """
-    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib import colormaps
+    from matplotlib.colors import BoundaryNorm
 
     along, across = result.y_slice, result.x_slice
     begin = result.y_edges[along.start]
     end = result.y_edges[along.stop] if length is None else begin + positive("length", length)
-    colors = ListedColormap(list(_SHADES), over=_MORE)
-    look: dict[str, Any] = {"cmap": colors, "norm": BoundaryNorm(_STEPS, len(_SHADES)), "rasterized": True, **style}
+    colors = colormaps["RdBu"].resampled(len(_STEPS) - 1).with_extremes(over=_MORE)
+    look: dict[str, Any] = {"cmap": colors, "norm": BoundaryNorm(_STEPS, colors.N), "rasterized": True, **style}
     options: dict[str, Any] = {"spacing": "uniform", "ticks": _STEPS, "extend": "max"} if "norm" not in style else {}
     with panels(ax, ("deposit",), (9.0, 2.95)) as (axes,):
         drawn = axes.pcolormesh(result.y_edges, result.x_edges, result.deposit, **look)

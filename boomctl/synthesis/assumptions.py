@@ -9,7 +9,7 @@ from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.hidden_modes import unmoved
 from boomctl.lti.rounding import SOLVED
-from boomctl.synthesis.hinf.normal_form import NormalizedPlant
+from boomctl.synthesis.hinf.normal_form import NormalizedPlant, normalized
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _RANK_RTOL = 1e-10  # Least singular value of D12 or D21 with unit columns; its inverse must have six digits.
@@ -79,26 +79,20 @@ def _dependent(columns: Array, names: tuple[str, ...], what: str) -> list[str]:
     return [f"a combination of the {what}s {', '.join(parts)}"]
 
 
-def check_modes(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
-    """Check that the unstable and undamped modes of a generalized plant are controllable and observable.
+def checked(plant: GeneralizedPlant) -> NormalizedPlant:
+    """Return a generalized plant in normalized form, after checks of the assumptions of H2 and H-infinity synthesis.
 
     Raises
     ------
     SynthesisError
-        If the plant is not stabilizable or not detectable, with the mode and its state.
+        If a control has no weight or a measurement no noise; if the plant is not stabilizable or not detectable, with the
+        mode and its state; if there is a zero on the axis, from controls to performance outputs or from disturbances to
+        measurements, with its frequency and its state.
     """
+    check_ranks(plant)
+    ready = normalized(plant)
     check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.state_labels, ready.system.dt)
     check_detectable(ready.A, ready.C2, plant.measurements, ready.system.state_labels, ready.system.dt)
-
-
-def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
-    """Check that there are no zeros on the axis, from controls to performance outputs and from disturbances to measurements.
-
-    Raises
-    ------
-    SynthesisError
-        If there is one, with its frequency and its state.
-    """
     for place in _zeros_on_axis(ready):
         raise SynthesisError(
             f"From the controls ({', '.join(plant.controls)}) to the performance outputs there is a zero {place}. Weight"
@@ -110,6 +104,7 @@ def check_zeros(plant: GeneralizedPlant, ready: NormalizedPlant) -> None:
             f" ({', '.join(plant.measurements)}) there is a zero {place}. Add a disturbance or a noise that excites that"
             " motion."
         )
+    return ready
 
 
 def _zeros_on_axis(ready: GeneralizedPlant) -> list[str]:

@@ -1,10 +1,12 @@
 """Certificates of controllers, computed from the closed loop independently of the synthesis."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf, nan
 from typing import TYPE_CHECKING
 
+from boomctl.analysis.claim import Claim
 from boomctl.analysis.norm import NormBounds
 from boomctl.lti.system import Lti, unscaled
 from boomctl.printing import compact, sentence
@@ -30,25 +32,33 @@ class Design:
     _closed_loop: Lti
     _called = "controller"  # name of that system
 
-    @property
+    @cached_property
     def controller(self) -> "control.StateSpace":
         """Controller ``u = K y`` in the units of the machine."""
-        return self._controllers[0]
-
-    @property
-    def scaled_controller(self) -> "control.StateSpace":
-        """Controller ``u = K y`` in the scaled signals of the plant; equal to ``controller`` for a plant without scales."""
-        return self._controllers[1]
+        return unscaled(self._controller).statespace(self._called)
 
     @cached_property
-    def _controllers(self) -> "tuple[control.StateSpace, control.StateSpace]":
-        scaled = self._controller.statespace(self._called)
-        return unscaled(self._controller).statespace(self._called) if self._controller.scales else scaled, scaled
+    def scaled_controller(self) -> "control.StateSpace":
+        """Controller ``u = K y`` in the scaled signals of the plant; equal to ``controller`` for a plant without scales."""
+        return self._controller.statespace(self._called)
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
         """The closed loop, converted on first access."""
         return self._closed_loop.statespace("closed_loop")
+
+
+@dataclass(frozen=True)
+class LoopDesign(Design):
+    """Design of a controller for one plant, ``_plant``, whose last signals it closes."""
+
+    _controller: Lti = field(repr=False)
+    _closed_loop: Lti = field(repr=False)
+    _plant: Lti = field(repr=False, compare=False)
+
+    def __claims__(self) -> Iterator[Claim]:
+        """Yield the claims about the loop of the plant that can be proved."""
+        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
 
 @dataclass(frozen=True)

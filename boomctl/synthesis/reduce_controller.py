@@ -1,8 +1,7 @@
 """Reduction of controllers, with verification of the closed loop."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
-from itertools import chain
+from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,11 +11,12 @@ from boomctl.analysis.norm import NormBounds
 from boomctl.arrays import Array, balance
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.exceptions import SynthesisError
+from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import residualised
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.certificate import Design
+from boomctl.synthesis.certificate import LoopDesign
 from boomctl.synthesis.hinf.candidates import largest_pole, verified_candidate, without_fast_poles
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 from boomctl.threads import one_blas_thread
@@ -26,11 +26,9 @@ if TYPE_CHECKING:
 
     from boomctl.lti.system import Controller
 
-_MAX_CONDITION = 1e12  # Of the static equation of truncated states, which leaves four digits.
-
 
 @dataclass(frozen=True)
-class ReducedController(Design):
+class ReducedController(LoopDesign):
     """Result of a controller reduction.
 
     Attributes
@@ -53,8 +51,6 @@ class ReducedController(Design):
         Hankel-like singular values of the controller's states within the closed loop, descending.
     """
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     order: int
     gamma: float
     gamma_full: float
@@ -143,20 +139,20 @@ def reduce_controller(
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
-    last = [("not reduced", K)] if order is None or order >= len(K.A) else []  # balancing may cost what is allowed
+    ways = [(method, partial(reduced, balanced, count)) for count in orders for method, reduced in _METHODS.items()]
+    if order is None or order >= len(K.A):
+        ways.append(("not reduced", partial(replace, K)))  # balancing may cost what is allowed
     allowed, rejected = full.norm.upper_bound * (1.0 + share), ""
-    for method, smaller in chain((result for count in orders for result in _smaller(balanced, count)), last):
-        if largest_pole(smaller) > limit:
-            rejected = f"a pole at {largest_pole(smaller):.3g} rad/s where {limit:.3g} are allowed"
-            continue
+    for method, reduced in ways:
         try:
-            result = verified_candidate(plant, smaller, allowed)
-        except ValueError as error:
+            result = verified_candidate(plant, reduced(), allowed, limit)
+        except ValueError as error:  # Also `numpy.linalg.LinAlgError`.
             rejected = str(error)
             continue
         return ReducedController(
             _controller=replace(result.K, scales=plant.system.scales),
             _closed_loop=result.loop,
+            _plant=plant.system,
             order=len(result.K.A),
             gamma=result.norm.lower_bound,
             gamma_full=full.norm.lower_bound,
@@ -178,8 +174,8 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     B, C = loop.B / scale[:, None], loop.C * scale[None, :]
     solve, sign = (linalg.solve_continuous_lyapunov, -1.0) if K.dt == 0.0 else (linalg.solve_discrete_lyapunov, 1.0)
     P, Q = solve(A, sign * B @ B.T), solve(A.T, sign * C.T @ C)
-    driven, seen = _root(P[n:, n:]), _root(Q[n:, n:])
-    left, values, right = linalg.svd(seen.T @ driven)
+    driven, seen = square_root(P[n:, n:]), square_root(Q[n:, n:])
+    left, values, right = linalg.svd(seen.T @ driven, full_matrices=False)
     # share of the largest singular value below which a state does nothing but rounding
     kept = values > SUMMED * values[0]
     into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
@@ -187,14 +183,9 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, state_labels=()), values
 
 
-def _root(gramian: Array) -> Array:
-    values, vectors = linalg.eigh(0.5 * (gramian + gramian.T))
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+def _truncated(K: Lti, order: int) -> Lti:
+    """Return the first states of a controller, without the others."""
+    return replace(K, A=K.A[:order, :order], B=K.B[:order], C=K.C[:, :order])
 
 
-def _smaller(K: Lti, order: int) -> Iterator[tuple[str, Lti]]:
-    """Yield controllers of an order, with states truncated and residualized."""
-    yield "truncated", replace(K, A=K.A[:order, :order], B=K.B[:order], C=K.C[:, :order])
-    rest = K.A[order:, order:] - (0.0 if K.dt == 0.0 else 1.0) * np.eye(len(K.A) - order)  # of x' = 0, or of x+ = x
-    if len(rest) and np.linalg.cond(rest) < _MAX_CONDITION:
-        yield "residualized", residualised(K, order)
+_METHODS = {"truncated": _truncated, "residualized": residualised}

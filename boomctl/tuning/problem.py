@@ -30,7 +30,7 @@ _BESIDE = np.log(1e3)  # below all in its row and in its column, by which a resp
 _ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
 
 
-@dataclass(frozen=True)
+@dataclass
 class ScaledPlant(GeneralizedPlant):
     """A generalized plant in units in which its gains are near one, and with balanced states.
 

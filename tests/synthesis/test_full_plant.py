@@ -18,13 +18,10 @@ from boomctl.lti.system import of
 from boomctl.synthesis.plants import full_plant
 from tests.profiles import examples
 
-SCALES = {
-    "actuator_anti": 0.03,
-    "suspension_anti": 150.0,
-    "tip_anti": 0.2,
-    "stroke_anti": 0.05,
-    "tip_acceleration_anti": 1.0,
-}
+SCALES = {"actuator_anti": 0.03, "suspension_anti": 150.0, "tip_anti": 0.2, "stroke_anti": 0.05}
+SCALES["tip_acceleration_anti"] = 1.0
+SISO = {"performance": {"y[0]": 1.0}, "effort": {"u[1]": 0.3}, "noise": {"y[1]": 0.3}}
+SISO |= {"disturbances": {"u[0]": 1.0}, "measurements": "y[1]", "controls": "u[1]"}
 
 
 @pytest.fixture(scope="module")
@@ -148,15 +145,7 @@ def test_what_is_said_of_the_full_plant_is_true(seed, states, kept, banded):
             small = bc.reduce(plant, order=order, omega_range=(0.0, 30.0) if banded else None)
         except (ReductionError, ValueError):  # refused: a band that the plant does not show itself in
             return
-        P = bc.generalized_plant(
-            small,
-            disturbances={"u[0]": 1.0},
-            performance={"y[0]": 1.0},
-            effort={"u[1]": 0.3},
-            noise={"y[1]": 0.3},
-            measurements="y[1]",
-            controls="u[1]",
-        )
+        P = bc.generalized_plant(small, **SISO)
         try:
             found = bc.h_infinity(P, 1, 1)
         except bc.exceptions.SynthesisError:
@@ -177,12 +166,9 @@ def cost_on(plant, K, weights, noise):
     W, R, intensity, V, q = *weights, *noise
     A, B, C, D, n = plant.A, plant.B[:, 1:], plant.C, plant.D[:, 1:], plant.nstates
     loop = np.block([[A, B @ K.C], [K.B @ C[1:], K.A + K.B @ D[1:] @ K.C]])
-    entering = np.block(
-        [
-            [intensity**0.5 * plant.B[:, :1], np.zeros((n, 1)), q**0.5 * B],
-            [K.B @ np.array([[intensity**0.5 * plant.D[1, 0], V**0.5, q**0.5 * D[1, 0]]])],
-        ]
-    )
+    roots = np.sqrt([intensity, V, q])
+    states, measured = np.hstack([plant.B[:, :1], np.zeros((n, 1)), B]), np.array([[plant.D[1, 0], 1.0, D[1, 0]]])
+    entering = np.vstack([states, K.B @ measured]) * roots
     poles = np.linalg.eigvals(loop)
     if (poles.real.max() if plant.dt == 0.0 else np.abs(poles).max() - 1.0) >= 0.0:
         return np.inf
@@ -208,13 +194,11 @@ def test_cost_and_h2_norm_on_full_plant_equal_lyapunov(sampled, seed):
     plant = control.sample_system(plant, 0.1) if sampled else plant
     weights, noise = np.exp(rng.normal(size=2)), np.exp(rng.normal(size=3)) * [1.0, 1.0, float(not sampled)]
     (W, R), (intensity, V, q) = weights, noise
-    signals = {"disturbances": {"u[0]": 1.0}, "performance": {"y[0]": 2.0}, "effort": {"u[1]": 0.3}}
-    signals |= {"noise": {"y[1]": 0.3}, "measurements": "y[1]", "controls": "u[1]"}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         small = bc.reduce(plant, order=min(kept, states - 1))
         found = bc.lqg(small, None, R, {"u[0]": intensity}, V, "y[1]", "u[1]", output_weight=W, ltr_intensity=q)
-        best = bc.h2(bc.generalized_plant(small, **signals))
+        best = bc.h2(bc.generalized_plant(small, **SISO))
     assert cost_on(small.system, found.controller, weights, noise) == pytest.approx(found.cost, rel=1e-7)
     told, true = found.certificate.full_plant, cost_on(plant, found.controller, weights, noise)
     assert told.stable == np.isfinite(true)
@@ -222,7 +206,7 @@ def test_cost_and_h2_norm_on_full_plant_equal_lyapunov(sampled, seed):
     assert told.norm_bounds.value**2 == pytest.approx(true, rel=1e-7)
     assert not told.stable or f"a cost of {told.norm_bounds.value**2:.6g}" in told.summary
 
-    told, whole = best.certificate.full_plant, bc.generalized_plant(plant, **signals).lft(best.controller)
+    told, whole = best.certificate.full_plant, bc.generalized_plant(plant, **SISO).lft(best.controller)
     assert told.stable == bool((np.abs(whole.poles()).max() if sampled else np.exp(whole.poles().real.max())) < 1.0)
     if told.stable:
         solve = linalg.solve_discrete_lyapunov if sampled else linalg.solve_continuous_lyapunov

@@ -46,12 +46,14 @@ def test_the_plant_of_the_slicot_library():
     assert_verified(P, enough.controller, enough.gamma, enough.certificate.norm_bounds.peak_omega)
 
 
+@pytest.mark.parametrize(("unit", "leak"), [(1.0, 0.0), (30.0, 0.0), (1.0, 1e-4), (10.0, 1e-4)])
 @pytest.mark.parametrize("count", [1, 2, 4, 6])
-def test_chains_of_integrators(count):
-    A = np.diag(np.ones(count - 1), 1)
-    B, C = np.eye(count)[:, -1:], np.eye(count)[:1]
-    chain = control.ss(A, np.hstack([B, B]), np.vstack([C, C]), 0.0, inputs=["d", "u"], outputs=["q", "y"])
-    P = weighed(chain)
+def test_chains_of_integrators(count, unit, leak):
+    """Also leaky ones, and with states in units that grow along the chain and fall again."""
+    A, units = np.diag(np.ones(count - 1), 1) - leak * np.eye(count), unit ** np.sin(np.arange(count))
+    B, C = np.eye(count)[:, -1:] / units[-1], np.eye(count)[:1] * units[0]
+    A, B, C = A / units[:, None] * units, np.hstack([B, B]), np.vstack([C, C])
+    P = weighed(control.ss(A, B, C, 0.0, inputs=["d", "u"], outputs=["q", "y"]))
     design = bc.h_infinity(P, 1, 1)
     assert design.gamma <= 1.01 * design.certificate.lower_bound
     assert_allclose(lower_loop_norm(P, design.controller), design.gamma, rtol=1e-4)

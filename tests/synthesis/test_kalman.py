@@ -1,4 +1,4 @@
-"""Filters: closed forms, duality with the regulator, variance of the error, names."""
+"""Filters: duality with the regulator, variance of the error, names."""
 
 import control
 import numpy as np
@@ -9,19 +9,7 @@ from scipy import linalg
 import boomctl as bc
 from tests.profiles import examples
 from tests.strategies import seeds
-from tests.synthesis.riccati_cases import CASES
 from tests.synthesis.test_lqr import random_system, random_weight, variance
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
-def test_the_dual_of_the_regulator(case):
-    n, m = case.B.shape
-    dual = control.ss(case.A.T, np.eye(n), case.B.T, np.zeros((m, n)))
-    design = bc.kalman(dual, case.Q, case.R)
-    size = np.sqrt(np.diag(case.X))
-    assert np.abs((design.covariance - case.X) / np.outer(size, size)).max() < 1e-11
-    gain = np.linalg.solve(case.R, case.B.T @ case.X).T
-    assert design.gain == pytest.approx(gain, rel=1e-9, abs=1e-11 * np.abs(gain).max())
 
 
 @pytest.mark.parametrize("dt", [0.0, 0.1])

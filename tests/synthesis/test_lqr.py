@@ -11,9 +11,6 @@ from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.riccati_cases import CASES
 
-SUSPENSIONS = ("suspension_left", "suspension_right")
-TIPS = {"tip_left": 1.0, "tip_right": 1.0}
-
 
 def random_system(seed, n=5, m=2, p=2, unstable=True, dt=0.0):
     """Return a system that is often unstable; ``dt``: of discrete time."""
@@ -23,16 +20,9 @@ def random_system(seed, n=5, m=2, p=2, unstable=True, dt=0.0):
         A = A - (np.linalg.eigvals(A).real.max() + 0.2) * np.eye(n)
     if dt:
         A = A * rng.uniform(0.3, 1.2) / np.abs(np.linalg.eigvals(A)).max()
-    return control.ss(
-        A,
-        rng.standard_normal((n, m)),
-        rng.standard_normal((p, n)),
-        np.zeros((p, m)),
-        dt,
-        inputs=[f"u{i}" for i in range(m)],
-        outputs=[f"y{i}" for i in range(p)],
-        states=[f"x{i}" for i in range(n)],
-    )
+    kinds = (("inputs", "u", m), ("outputs", "y", p), ("states", "x", n))
+    names = {kind: [f"{letter}{i}" for i in range(count)] for kind, letter, count in kinds}
+    return control.ss(A, rng.standard_normal((n, m)), rng.standard_normal((p, n)), np.zeros((p, m)), dt, **names)
 
 
 def random_weight(seed, n, least=0.1):
@@ -51,11 +41,13 @@ def variance(A, noise, dt):
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_solutions_in_closed_form(case):
-    design = bc.lqr(control.ss(case.A, case.B, np.eye(len(case.A)), 0.0), case.Q, case.R)
-    size = np.sqrt(np.diag(case.X))
-    assert np.abs((design.riccati_solution - case.X) / np.outer(size, size)).max() < 1e-11
-    gain = np.linalg.solve(case.R, case.B.T @ case.X)
-    assert design.gain == pytest.approx(gain, rel=1e-9, abs=1e-11 * np.abs(gain).max())
+    """Of regulators, and of their duals."""
+    n, gain, size = len(case.A), np.linalg.solve(case.R, case.B.T @ case.X), np.sqrt(np.diag(case.X))
+    design = bc.lqr(control.ss(case.A, case.B, np.eye(n), 0.0), case.Q, case.R)
+    dual = bc.kalman(control.ss(case.A.T, np.eye(n), case.B.T, 0.0), case.Q, case.R)
+    for F, X in ((design.gain, design.riccati_solution), (dual.gain.T, dual.covariance)):
+        assert np.abs((X - case.X) / np.outer(size, size)).max() < 1e-11
+        assert pytest.approx(gain, rel=1e-9, abs=1e-11 * np.abs(gain).max()) == F
     assert design.certificate.regulator_riccati.residual < 1e-11
     assert design.poles.real.max() < 0.0
 
@@ -70,9 +62,8 @@ def test_poles_come_near_the_axis_and_the_solution_stays_exact(epsilon):
     assert np.linalg.eigvalsh(X).min() > 0.0
     assert np.abs(A.T @ X + X @ A - X @ np.ones((4, 4)) @ X + np.ones((4, 4))).max() < 1e-13 * np.abs(X).max() ** 2
     assert design.poles.real.max() == pytest.approx(-0.5 * epsilon**2, rel=0.1) or epsilon == 1.0
-    assert (
-        design.certificate.regulator_riccati.cost_error < 1e-14 / epsilon**2
-    )  # rounding over the distance from the axis
+    error = design.certificate.regulator_riccati.cost_error
+    assert error < 1e-14 / epsilon**2  # rounding over the distance from the axis
 
 
 @given(seeds)
@@ -121,29 +112,19 @@ def test_kalmans_inequality_and_no_other_gain_costs_less(seed):
 
 @given(seeds)
 @examples(40)
-def test_a_cross_weight_is_a_change_of_controls(seed):
+def test_a_cross_weight_is_a_change_of_controls_and_one_of_outputs_that_show_controls(seed):
     rng = np.random.default_rng(seed)
-    system, R = random_system(seed), random_weight(seed, 2)
-    F = rng.standard_normal((2, 5))
-    Q = random_weight(seed + 1, 5)
+    system, R, Q = random_system(seed), random_weight(seed, 2), random_weight(seed + 1, 5)
+    F, D = rng.standard_normal((2, 5)), rng.standard_normal((2, 2))
     plain = bc.lqr(control.ss(system.A - system.B @ F, system.B, system.C, system.D), Q, R)
     crossed = bc.lqr(system, _even(Q + F.T @ R @ F), R, N=F.T @ R)
-    assert crossed.riccati_solution == pytest.approx(
-        plain.riccati_solution, rel=1e-6, abs=1e-8 * abs(plain.riccati_solution).max()
-    )
+    size = 1e-8 * abs(plain.riccati_solution).max()
+    assert crossed.riccati_solution == pytest.approx(plain.riccati_solution, rel=1e-6, abs=size)
     assert crossed.gain == pytest.approx(plain.gain + F, rel=1e-6, abs=1e-7)
-
-
-@given(seeds)
-@examples(40)
-def test_an_output_with_feedthrough_weighs_controls_too(seed):
-    rng = np.random.default_rng(seed)
-    bare = random_system(seed)
-    D = rng.standard_normal((2, 2))
-    fed = control.ss(bare.A, bare.B, bare.C, D, inputs=["u0", "u1"], outputs=["y0", "y1"])
-    W = np.diag([2.0, 0.5])
+    W, C = np.diag([2.0, 0.5]), system.C
+    fed = control.ss(system.A, system.B, C, D, inputs=["u0", "u1"], outputs=["y0", "y1"])
     design = bc.lqr(fed, None, 1.0, output_weight={"y0": 2.0, "y1": 0.5})
-    same = bc.lqr(bare, _even(bare.C.T @ W @ bare.C), _even(np.eye(2) + D.T @ W @ D), N=bare.C.T @ W @ D)
+    same = bc.lqr(system, _even(C.T @ W @ C), _even(np.eye(2) + D.T @ W @ D), N=C.T @ W @ D)
     assert design.gain == pytest.approx(same.gain, rel=1e-6, abs=1e-8)
 
 

@@ -81,7 +81,7 @@ REFUSED = [
     (lambda: regulated(np.ones(3)), "`Q` must be a number, 2 numbers or a 2 by 2 matrix, got shape"),
     (lambda: regulated(output_weight={"plac": 1.0}), "unknown signal in output_weight 'plac'; did you mean 'place'"),
     (lambda: regulated(integral_action={"place": -1.0}), "`integral_action` must be positive semidefinite"),
-    (lambda: regulated(N=10.0 * np.ones((2, 1))), "Q - N R"),
+    (lambda: regulated(N=10.0 * np.ones((2, 1))), r"\[Q, N; N\^T, R\]` must be positive semidefinite"),
     (lambda: regulated(controls=[]), "`controls` must have at least one"),
     (lambda: regulated(None), "`Q` or `output_weight` must be given"),
     (lambda: bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0), "at least one state"),

@@ -96,6 +96,9 @@ def test_scaled_system_keeps_scales(design):
     assert bc.mixed_sensitivity(SCALED, W1=1.0).scales["error_stroke_anti"] == SCALES["stroke_anti"]
     assert not hasattr(bc.lft(P, design), "scales")
     assert not hasattr(2.0 * SCALED, "scales")
+    unscaled = bc.h2(weighted(YAW))
+    assert_allclose(unscaled.controller.B, unscaled.scaled_controller.B)
+    assert not hasattr(unscaled.scaled_controller, "scales")
 
 
 DESIGNS = {
@@ -119,28 +122,16 @@ def test_design_controller_in_machine_units(method, dt):
     design = DESIGNS[method](weighted(plants[1]))
     assert type(design.controller) is control.StateSpace
     point = np.exp(0.7j * T) if dt else 0.7j
-    gains = []
+    gains, margins = [], []
     for system, K in zip(plants, (design.controller, design.scaled_controller), strict=True):
         G = system if isinstance(system, control.StateSpace) else system.to_statespace()
-        entry = G.input_labels.index("suspension_anti"), G.output_labels.index("stroke_anti")
-        gains.append(
-            np.ravel(G(point))[0 if G.ninputs == 1 else entry[1] * G.ninputs + entry[0]] * np.ravel(K(point))[0]
-        )
-    assert_allclose(gains[0], gains[1], rtol=1e-8)
-    machine, other = (bc.margins(plant, design)["suspension_anti"] for plant in plants)
-    assert_allclose(
-        [machine.phase_margin_deg, machine.disk_margin.alpha],
-        [other.phase_margin_deg, other.disk_margin.alpha],
-        rtol=1e-6,
-    )
-    if method != "reduce_controller":  # its result makes no claim to prove
-        bc.prove(design)
-
-
-def test_design_without_scales_keeps_controller():
-    design = bc.h2(weighted(YAW))
-    assert_allclose(design.controller.B, design.scaled_controller.B)
-    assert not hasattr(design.scaled_controller, "scales")
+        entry = bc.synthesis.select_channels(G, "suspension_anti", "stroke_anti")
+        gains.append(entry(point) * K(point))
+        margin = bc.margins(system, design)["suspension_anti"]
+        margins.append([margin.phase_margin_deg, margin.disk_margin.alpha])
+    assert_allclose(*gains, rtol=1e-8)
+    assert_allclose(*margins, rtol=1e-6)
+    bc.prove(design)
 
 
 def sampled(K):
@@ -195,21 +186,9 @@ def test_controller_in_matching_scales_accepted(design):
     for name in MACHINE.keys() - {"compare", "lft"}:
         MACHINE[name](YAW, design.controller)
     MACHINE["worst_case sampled"](YAW, design)
-
-
-def test_lft_scaled_plant_takes_both_controllers(design):
     poles = [np.sort_complex(bc.lft(P, K).poles()) for K in (design, design.controller, design.scaled_controller)]
     assert_allclose(poles[1], poles[0], rtol=1e-6)
     assert_allclose(poles[2], poles[0], rtol=1e-6)
-
-
-def test_loop_with_other_scales_raises(design):
-    other = bc.scale_signals(YAW, SCALES | {"stroke_anti": 0.1})
-    with pytest.raises(
-        ValueError,
-        match=r"scaled signals \('stroke_anti' by 0\.1\), got one in scaled signals \('stroke_anti' by 0\.05\)",
-    ):
-        bc.margins(other, design.scaled_controller)
 
 
 def test_write_controller_scaled_raises(tmp_path, design):
@@ -220,7 +199,10 @@ def test_write_controller_scaled_raises(tmp_path, design):
     assert_allclose(bc.read_controller(tmp_path / "K.json").B, design.controller.B)
 
 
-def test_unscale_controller_twice_raises(design):
+def test_other_scales_raise(design):
+    words = r"scaled signals \('stroke_anti' by 0\.1\), got one in scaled signals \('stroke_anti' by 0\.05\)"
+    with pytest.raises(ValueError, match=words):
+        bc.margins(bc.scale_signals(YAW, SCALES | {"stroke_anti": 0.1}), design.scaled_controller)
     with pytest.raises(ValueError, match="got one in the units of the machine"):
         bc.unscale_controller(design.controller, {"stroke_anti": 0.05, "suspension_anti": 150.0})
     with pytest.raises(ValueError, match="`scales` must be those of the controller"):

@@ -13,20 +13,14 @@ from tests.profiles import examples
 from tests.strategies import seeds
 
 MODEL = bc.spray_boom(elements=6, accelerometer_bandwidth_hz=20.0)
+FORCES, STROKES = ["suspension_right", "suspension_left"], ["stroke_right", "stroke_left"]
 
 
 def half_controller(side: str, seed: int) -> control.StateSpace:
     rng = np.random.default_rng(seed)
-    A = rng.standard_normal((3, 3)) - 5.0 * np.eye(3)
-    measured = [f"tip_acceleration_{side}", f"stroke_{side}"]
-    return control.ss(
-        A,
-        rng.standard_normal((3, 2)),
-        rng.standard_normal((1, 3)),
-        0.0,
-        inputs=measured,
-        outputs=[f"suspension_{side}"],
-    )
+    A, B, C = rng.standard_normal((3, 3)) - 5.0 * np.eye(3), rng.standard_normal((3, 2)), rng.standard_normal((1, 3))
+    names = {"inputs": [f"tip_acceleration_{side}", f"stroke_{side}"], "outputs": [f"suspension_{side}"]}
+    return control.ss(A, B, C, 0.0, **names)
 
 
 def single(side: str, A, B, C, D=0.0, dt: float | None = 0.0) -> control.StateSpace:
@@ -45,16 +39,11 @@ def test_the_machine_sees_each_half_s_controller(side, parity):
     halves = {"sym": half_controller("sym", 1), "anti": half_controller("anti", 2)}
     joined = join_symmetric(MODEL, halves["sym"], halves["anti"])
     assert joined.nstates == 6
-    forces = ["suspension_right", "suspension_left"]
     mode = np.array([1.0, parity]) / np.sqrt(2.0)
-    for stem, names in (
-        ("stroke", ["stroke_right", "stroke_left"]),
-        ("tip_acceleration", ["tip_right_acceleration", "tip_left_acceleration"]),
-    ):
-        half_name = f"{stem}_{side}"
-        whole = at(joined, 1.7, names, forces) @ mode
-        part = at(halves[side], 1.7, [half_name], [f"suspension_{side}"])[0, 0]
-        assert np.allclose(whole, part * mode, rtol=1e-12)
+    tips = ["tip_right_acceleration", "tip_left_acceleration"]
+    for stem, names in (("stroke", STROKES), ("tip_acceleration", tips)):
+        part = at(halves[side], 1.7, [f"{stem}_{side}"], [f"suspension_{side}"])[0, 0]
+        assert np.allclose(at(joined, 1.7, names, FORCES) @ mode, part * mode, rtol=1e-12)
 
 
 def test_chains_of_integrators_stay_whole_in_the_order_of_any_signals():
@@ -82,8 +71,7 @@ def test_a_gain_of_one_half_goes_with_the_time_of_the_other(seed, dt, turned):
     joined = join_symmetric(MODEL, *((timed, gain) if turned else (gain, timed)))
     assert joined.dt == dt or (not dt and not joined.nstates)  # a gain has no time
     mode = np.array([1.0, -1.0 if turned else 1.0]) / np.sqrt(2.0)
-    forces, strokes = ["suspension_right", "suspension_left"], ["stroke_right", "stroke_left"]
-    assert np.allclose(at(joined, 0.7, strokes, forces) @ mode, gain.D[0, 0] * mode, rtol=1e-12)
+    assert np.allclose(at(joined, 0.7, STROKES, FORCES) @ mode, gain.D[0, 0] * mode, rtol=1e-12)
 
 
 def test_a_discrete_controller_is_split_into_discrete_ones():

@@ -108,7 +108,7 @@ def lowest_level(
         If the time is up.
     """
     relaxed = level_of(ready, np.inf)
-    if relaxed.X is None or relaxed.Y is None:
+    if relaxed.reason:
         raise SynthesisError(f"The Riccati equations of H2 synthesis could not be solved: {relaxed.reason}.")
     F, L = gains(ready, relaxed)
     F2, L2 = F[ready.nw :], L[:, ready.nz :]

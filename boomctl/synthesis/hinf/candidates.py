@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -70,34 +71,22 @@ def lowest_controller(task: Task, strict: bool) -> Candidate:
         If the time is up.
     """
     log: list[str] = []
-    result = _lowest(task, _MAX_EXCESS_STRICT if strict else _MAX_EXCESS, log)
-    if result is None and not strict:
-        result = _lowest(replace(task, fastest=np.inf), _MAX_EXCESS_STRICT, log)
-    if result is not None:
-        return replace(result, stages=tuple(log))
+    limits = {task.fastest: _MAX_EXCESS_STRICT} if strict else {task.fastest: _MAX_EXCESS, np.inf: _MAX_EXCESS_STRICT}
+    for fastest, most in limits.items():
+        passed: dict[float, Candidate] = {}
+        passes = partial(_passes, replace(task, fastest=fastest), passed, log)
+        if task.wanted is not None:
+            any(passes(max(task.wanted * share, task.bounds.reached)) for share in _WANTED_LEVELS)
+        elif not any(passes(task.level(share * task.rtol)) for share in _FIRST_LEVELS):
+            levels = [task.level(excess) for excess in np.geomspace(task.rtol, most, _LEVELS)]
+            bisect_left(levels, True, key=passes)
+        if passed:
+            return replace(passed[min(passed)], stages=tuple(log))
     raise SynthesisError(f"No controller passed verification: {'; '.join(log[-2:])}.")
 
 
-def _lowest(task: Task, max_excess: float, log: list[str]) -> Candidate | None:
-    """Return the controller of the lowest level that passes, by bisection if those near the lower bound do not."""
-    passed: dict[float, Candidate] = {}
-
-    def passes(level: float) -> bool:
-        candidate = _controller_of_level(task, level, log)
-        if candidate is not None:
-            passed[level] = candidate
-        return candidate is not None
-
-    if task.wanted is not None:
-        any(passes(max(task.wanted * share, task.bounds.reached)) for share in _WANTED_LEVELS)
-    elif not any(passes(task.level(share * task.rtol)) for share in _FIRST_LEVELS):
-        levels = [task.level(excess) for excess in np.geomspace(task.rtol, max_excess, _LEVELS)]
-        bisect_left(levels, True, key=passes)
-    return passed[min(passed)] if passed else None
-
-
-def _controller_of_level(task: Task, gamma: float, log: list[str]) -> Candidate | None:
-    """Return the controller of a level if it passes, without its poles that are too fast; the log tells the outcome."""
+def _passes(task: Task, passed: dict[float, Candidate], log: list[str], gamma: float) -> bool:
+    """Return whether the controller of a level passes, without its poles that are too fast; the log tells the outcome."""
     task.deadline.check(f"computing a controller for gamma = {gamma:.6g}")
     name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
     try:
@@ -105,12 +94,12 @@ def _controller_of_level(task: Task, gamma: float, log: list[str]) -> Candidate 
         if (speed := largest_pole(K)) > task.fastest:
             log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")
             name, K = f"{name}, fast poles residualized", without_fast_poles(K, task.fastest)
-        result = verified_candidate(task.plant, K, task.wanted or (1.0 + _NORM_RTOL) * gamma)
+        passed[gamma] = verified_candidate(task.plant, K, task.wanted or (1.0 + _NORM_RTOL) * gamma)
     except ValueError as error:  # Also `numpy.linalg.LinAlgError`.
         log.append(f"{name} {level}: {error}")
-        return None
+        return False
     log.append(f"{name} {level}: passed")
-    return result
+    return True
 
 
 def _controller(task: Task, gamma: float) -> Lti:
@@ -154,14 +143,16 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti:
     return replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, state_labels=())
 
 
-def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float) -> Candidate:
-    """Return a controller whose loop is stable, with a verified norm up to ``limit``.
+def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float, fastest: float = np.inf) -> Candidate:
+    """Return a controller whose loop is stable, with a verified norm up to ``limit``, and its poles up to ``fastest``.
 
     Raises
     ------
     ValueError
         If the controller does not pass, with the reason.
     """
+    if (speed := largest_pole(K)) > fastest:
+        raise ValueError(f"a pole at {speed:.3g} rad/s where {fastest:.3g} are allowed")
     parts = ClosedLoop(plant.system, K)
     loop = parts.system
     abscissa = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))

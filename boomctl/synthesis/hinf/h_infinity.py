@@ -12,15 +12,13 @@ from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
-from boomctl.lti.system import Lti
 from boomctl.printing import Summarized, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.assumptions import checked
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, largest_pole, lowest_controller, verified_candidate
-from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.full_plant import judged_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.threads import one_blas_thread
@@ -34,7 +32,7 @@ _MAX_SPEED = 1000.0  # Default limit of the controller's poles, relative to thos
 
 
 @dataclass(frozen=True)
-class HInfinityResult(Summarized, Design):
+class HInfinityResult(Summarized, LoopDesign):
     """Result of an H-infinity synthesis.
 
     Attributes
@@ -56,12 +54,9 @@ class HInfinityResult(Summarized, Design):
         Time of the design and its verification [s].
     """
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     gamma: float
     certificate: DesignCertificate
     gamma_bounds: Bounds
-    _plant: Lti = field(repr=False, compare=False)
     _rtol: float = field(repr=False, compare=False)
     elapsed: float = field(repr=False, compare=False)
 
@@ -180,13 +175,10 @@ def h_infinity(
     if discrete and fastest_pole is not None:
         raise ValueError("`fastest_pole` must be None for a discrete plant, whose controller runs once a sample.")
     wanted = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MAP_RTOL if discrete else 1.0)
-    plant = replace(given, system=continuous_image(given.system)) if discrete else given
+    plant = replace(given, system=continuous_image(given.system))
     rtol, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
-    check_ranks(plant)
-    ready = normalized(plant)
-    check_modes(plant, ready)
-    check_zeros(plant, ready)
+    ready = checked(plant)
     with computing("H-infinity synthesis", progress):
         deadline = Deadline(limit)
         try:
@@ -200,9 +192,9 @@ def h_infinity(
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
         bounds = bounds.below(candidate.norm.upper_bound)
         summary = _summary(task, bounds, candidate)
+        bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, given.system.dt)))
         if discrete:
             candidate, summary = _on_circle(given, candidate), f"{summary}; verified again on the unit circle"
-            bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, given.system.dt)))
         labels = {"input_labels": given.measurements, "output_labels": given.controls}
         K = replace(candidate.K, **labels, scales=given.system.scales)
         certificate = DesignCertificate(
@@ -216,12 +208,12 @@ def h_infinity(
             full_plant=judged_on_full_plant(origin_of(P), given, K, candidate.norm),
         )
         return HInfinityResult(
-            K,
-            candidate.loop,
-            candidate.norm.lower_bound,
-            certificate,
-            bounds,
-            given.system,
+            _controller=K,
+            _closed_loop=candidate.loop,
+            _plant=given.system,
+            gamma=candidate.norm.lower_bound,
+            certificate=certificate,
+            gamma_bounds=bounds,
             _rtol=rtol if wanted is None else np.inf,
             elapsed=deadline.elapsed,
         )

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array, balance
+from boomctl.arrays import Array
 from boomctl.lti.modal import block_diagonal
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, signal_scales
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _MAX_CONDITION = 1e5  # Of the modal basis; modes with nearly dependent eigenvectors share a block.
 
 
-@dataclass(frozen=True)
+@dataclass
 class NormalizedPlant(GeneralizedPlant):
     """Plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and scaled modal states.
 
@@ -27,7 +27,7 @@ class NormalizedPlant(GeneralizedPlant):
 
 
 def normalized(plant: GeneralizedPlant) -> NormalizedPlant:
-    """Return the plant in normalized signals and real modal coordinates.
+    """Return the plant in normalized signals and real modal coordinates, scaled with its inputs and outputs.
 
     ``D12`` must have full column rank and ``D21`` full row rank.
     """
@@ -44,23 +44,11 @@ def normalized(plant: GeneralizedPlant) -> NormalizedPlant:
     D[: plant.nz, : plant.nw] = rotate_z @ plant.D11 @ rotate_w
     D[plant.nz - ncon : plant.nz, plant.nw :] = np.eye(ncon)
     D[plant.nz :, plant.nw - nmeas : plant.nw] = np.eye(nmeas)
-    A, basis, inverse = _modal_form(plant.A, B, C)
+    d = signal_scales(plant.A, B, C)
+    A, columns, _ = block_diagonal(plant.A / d[:, None] * d, _MAX_CONDITION)
+    basis, inverse = d[:, None] * columns, (np.linalg.inv(columns) if len(A) else columns) / d
+    d = signal_scales(A, inverse @ B, C @ basis)
     names = tuple(plant.system.state_labels[k] for k in np.abs(basis).argmax(axis=0)) if len(A) else ()
-    system = Lti(A, inverse @ B, C @ basis, D, state_labels=names, dt=plant.system.dt)
+    A, B, C = A / d[:, None] * d, inverse @ B / d[:, None], C @ basis * d
+    system = Lti(A, B, C, D, state_labels=names, dt=plant.system.dt)
     return NormalizedPlant(system, nmeas, ncon, from_controls, from_measurements)
-
-
-def _modal_form(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
-    """Return ``A`` in modal blocks, the basis and its inverse; inputs and outputs are coupled equally to each block."""
-    balanced, scale = balance(A)
-    blocks, columns, widths = block_diagonal(balanced, _MAX_CONDITION)
-    inverse = np.linalg.inv(columns) if len(A) else columns
-    driven, seen = inverse @ (B / scale[:, None]), (C * scale) @ columns
-    d, start = np.ones(len(A)), 0
-    for width in widths:
-        block = slice(start, start + width)
-        d[block] = balance(blocks[block, block])[1]
-        b, c = np.linalg.norm(driven[block] / d[block, None]), np.linalg.norm(seen[:, block] * d[block])
-        d[block] *= np.sqrt(b / c) if b > 0.0 and c > 0.0 else 1.0
-        start += width
-    return blocks / d[:, None] * d, scale[:, None] * columns * d, inverse / scale / d[:, None]

@@ -5,6 +5,7 @@ and Optimal Control, 1996, theorem 17.1).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -67,8 +68,8 @@ class Level:
     reason: str
     radius: float = np.nan
     lower_bound: float = 0.0
-    X: Array | None = None
-    Y: Array | None = None
+    X: Any = None
+    Y: Any = None
 
 
 def level_of(ready: NormalizedPlant, gamma: float) -> Level:
@@ -108,27 +109,14 @@ def _stabilizing(F: Array, G: Array, Q: Array) -> Array | None:
 
 
 def gains(ready: NormalizedPlant, level: Level) -> tuple[Array, Array]:
-    """Return the state feedback and the output injection of a level.
-
-    Raises
-    ------
-    ValueError
-        If the level has no Riccati solutions.
-    """
-    if level.X is None or level.Y is None:
-        raise ValueError(f"The level {level.gamma:g} is not reached: {level.reason}.")
+    """Return the state feedback and the output injection of a level that has Riccati solutions."""
     return _gain(ready, level.gamma, level.X), _gain(ready.dual, level.gamma, level.Y).T
 
 
 def suboptimal_controller(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
-    """Return the central controller of a level in normalized signals, if its loop with ``D22`` is well-posed.
+    """Return the central controller of a level that is reached, in normalized signals, if its loop is well-posed.
 
     Otherwise return that one of three controllers for which ``I + D_K D22`` is best conditioned.
-
-    Raises
-    ------
-    ValueError
-        If the level has no Riccati solutions.
     """
     family = _all_controllers(ready, level)
 
@@ -149,11 +137,6 @@ def _all_controllers(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
 
     Closed by any stable ``Q`` with a norm below the level it is a controller ``u = K y``: its first input is ``y``, its
     first output ``u``.
-
-    Raises
-    ------
-    ValueError
-        If the level has no Riccati solutions.
     """
     F, L = gains(ready, level)
     m1, p1 = ready.nw, ready.nz
@@ -166,8 +149,7 @@ def _all_controllers(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
     E11 = -D21 @ D11.T @ tall @ D12 - D22
     E12 = linalg.cholesky(np.eye(len(D22)) - D21 @ wide @ D21.T, lower=True)
     E21 = linalg.cholesky(np.eye(D22.shape[1]) - D12.T @ tall @ D12)
-    X, Y = np.asarray(level.X), np.asarray(level.Y)
-    coupling = np.linalg.inv(np.eye(len(X)) - Y @ X / g2)
+    coupling = np.linalg.inv(np.eye(len(level.X)) - level.Y @ level.X / g2)
     B2 = coupling @ (ready.B2 + L12) @ E12
     C2 = -E21 @ (ready.C2 + F12)
     B1 = -coupling @ L2 + B2 @ np.linalg.solve(E12, E11)

@@ -4,21 +4,18 @@ Doyle, Glover, Khargonekar & Francis (1989), IEEE Transactions on Automatic Cont
 (1995), Optimal Sampled-Data Control Systems, chapter 6: the control at a sample may use the measurement at that sample.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.assumptions import check_modes, check_ranks, check_zeros
-from boomctl.synthesis.certificate import Design, DesignCertificate
-from boomctl.synthesis.hinf.normal_form import normalized
+from boomctl.synthesis.assumptions import check_ranks, checked
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
@@ -37,7 +34,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class H2Result(Design):
+class H2Result(LoopDesign):
     """Result of an H2 synthesis.
 
     Attributes
@@ -60,17 +57,10 @@ class H2Result(Design):
 
     _called = "h2"
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     norm: float
     optimal_norm: float
     poles: Array = field(repr=False)
     certificate: DesignCertificate
-    _plant: Lti = field(repr=False, compare=False)
-
-    def __claims__(self) -> Iterator[Claim]:
-        """Yield the claims about the loop of the plant that can be proved."""
-        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     def __repr__(self) -> str:
         c = self.certificate
@@ -129,9 +119,7 @@ def h2(P: "control.StateSpace", nmeas: int | None = None, ncon: int | None = Non
         raise ValueError("`P` must have at least one state, got a static gain.")
     check_ranks(plant)
     shifted, direct = _without_feedthrough(plant)
-    ready = normalized(shifted)
-    check_modes(shifted, ready)
-    check_zeros(shifted, ready)
+    checked(shifted)
     regulator = _solved(shifted, "the Riccati equation of the H2 regulator")
     estimator = _solved(shifted.dual, "the Riccati equation of the H2 filter")
     K, least = _controller(shifted, regulator, estimator)

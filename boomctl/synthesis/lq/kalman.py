@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import some_names
+from boomctl.checks import finite_array, some_names
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_detectable, check_excited
 from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.problem import Noise, Weight, noise_of, plant_of
-from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, even
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -112,10 +112,10 @@ def kalman(
     """
     plant = plant_of(system, sampled=True)
     measured = some_names("measurement", measurements, plant.output_labels)
-    noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
-    solution = solved_filter(plant, noise, measured)
+    problem, noisy = filter_problem(plant, process_noise, measurement_noise, measured, disturbances)
+    solution = solved_filter(problem, measured, plant.state_labels)
     L, n, states = solution.gain.T, len(plant.A), plant.state_labels
-    known = tuple(name for name in plant.input_labels if name not in noise.inputs)
+    known = tuple(name for name in plant.input_labels if name not in noisy)
     way = plant.select(known, measured)
     B = np.hstack([L, way.B - L @ way.D])
     A, C, D, inputs = plant.A - L @ way.C, np.eye(n), np.zeros(B.shape), (*measured, *known)
@@ -129,11 +129,37 @@ def kalman(
     )
 
 
-def solved_filter(plant: Lti, noise: Noise, measurements: Sequence[str]) -> RiccatiSolution:
+def filter_problem(
+    plant: Lti,
+    process_noise: Weight,
+    measurement_noise: Weight,
+    measurements: Sequence[str],
+    disturbances: str | Sequence[str] | None,
+) -> tuple[RiccatiProblem, tuple[str, ...]]:
+    """Return the Riccati problem of a filter with checked noise, and the inputs by which this enters.
+
+    Its weights are the intensities of the noise on ``x'`` and on the measurements, and their cross intensity.
+    ``process_noise`` is over the inputs named in ``disturbances``; without these, a mapping is over the inputs that
+    it names, and a number, vector or matrix over the states.
+    """
+    if isinstance(process_noise, Mapping) and disturbances is None:
+        disturbances = tuple(process_noise)
+    V = definite("measurement_noise", measurement_noise, measurements)
+    if disturbances is None:
+        array = finite_array("process_noise", process_noise)  # type: ignore[arg-type]
+        W, entering = semidefinite("process_noise", array, plant.state_labels), ()
+        C, S = plant.select(outputs=measurements).C, np.zeros((len(W), len(V)))
+    else:
+        entering = some_names("disturbance", disturbances, plant.input_labels)
+        intensity, way = semidefinite("process_noise", process_noise, entering), plant.select(entering, measurements)
+        C, D, S = way.C, way.D, way.B @ intensity @ way.D.T
+        W, V = even(way.B @ intensity @ way.B.T), even(V + D @ intensity @ D.T)
+    return RiccatiProblem(plant.A.T, C.T, W, V, S, plant.dt), entering
+
+
+def solved_filter(problem: RiccatiProblem, measurements: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
     """Return the solution of a filter's problem, with its gain transposed, after checks of its assumptions."""
-    C = plant.select(outputs=measurements).C
-    problem = RiccatiProblem(plant.A.T, C.T, noise.W, noise.V, noise.S, plant.dt)
-    check_detectable(plant.A, C, measurements, plant.state_labels, plant.dt)
+    check_detectable(problem.A.T, problem.B.T, measurements, states, problem.dt)
     shifted, _, W = problem.shifted
-    check_excited(shifted.T, square_root(W), "any process noise", plant.state_labels, plant.dt)
+    check_excited(shifted.T, square_root(W), "any process noise", states, problem.dt)
     return solution_of(problem, "the Riccati equation of the filter")

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.analysis.claim import Claim
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly, nonnegative, some_names, warn_user
 from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import Design, DesignCertificate
-from boomctl.synthesis.lq.kalman import solved_filter
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
+from boomctl.synthesis.lq.kalman import filter_problem, solved_filter
 from boomctl.synthesis.lq.lqr import regulator_problem, solved_regulator
 from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
-from boomctl.synthesis.lq.problem import Noise, Weight, noise_of, plant_of, semidefinite
+from boomctl.synthesis.lq.problem import Weight, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem
 from boomctl.synthesis.plants.full_plant import ReducedPlant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -32,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class LqgResult(Design):
+class LqgResult(LoopDesign):
     """Result of a linear-quadratic-Gaussian design.
 
     Attributes
@@ -56,18 +55,11 @@ class LqgResult(Design):
 
     _called = "lqg"
 
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     regulator_gain: Array = field(repr=False)
     filter_gain: Array = field(repr=False)
     poles: Array = field(repr=False)
     cost: float
     certificate: DesignCertificate
-    _plant: Lti = field(repr=False, compare=False)
-
-    def __claims__(self) -> Iterator[Claim]:
-        """Yield the claims about the loop of the plant that can be proved."""
-        yield Claim("the closed loop", self._plant, self._controller, stable=True)
 
     @property
     def h2_norm(self) -> float:
@@ -157,29 +149,30 @@ def lqg(
             f"`ltr_intensity` must be 0 for a discrete system, whose loop is not recovered, got {exactly(ltr_intensity)}."
         )
 
-    def parts(plant: Lti, Q: Weight | None) -> tuple[Lti, RiccatiProblem, Noise]:
-        """Return a plant from controls to measurements, its regulator problem, and its noise."""
-        problem = regulator_problem(plant, driven, Q, R, output_weight)
-        noise = noise_of(plant, process_noise, measurement_noise, measurements=measured, disturbances=disturbances)
-        way = plant.select(driven, measured)
-        return way, problem, _with_recovery(noise, way, ltr_intensity)
+    def parts(plant: Lti, Q: Weight | None) -> tuple[Lti, RiccatiProblem, RiccatiProblem, tuple[str, ...]]:
+        """Return a plant from controls to measurements, the problems of regulator and filter, and the noisy inputs."""
+        problem, way = regulator_problem(plant, driven, Q, R, output_weight), plant.select(driven, measured)
+        dual, entering = filter_problem(plant, process_noise, measurement_noise, measured, disturbances)
+        B, D, q = way.B, way.D, ltr_intensity
+        dual = replace(dual, Q=dual.Q + q * B @ B.T, R=dual.R + q * D @ D.T, N=dual.N + q * B @ D.T)
+        return way, problem, dual, entering
 
-    way, problem, noise = parts(plant, Q)
+    way, problem, dual, entering = parts(plant, Q)
     regulator = solved_regulator(problem, driven, plant.state_labels)
-    estimator = solved_filter(plant, noise, measured)
+    estimator = solved_filter(dual, measured, plant.state_labels)
     K = observer(way, regulator.gain, estimator.gain.T)
-    P = GeneralizedPlant(_weighted(way, problem, noise), len(measured), len(driven))
+    P = GeneralizedPlant(_weighted(way, problem, dual), len(measured), len(driven))
     loop = lower_lft(P.system, K)
     effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
-    least = least_cost(noise.W, effort, regulator, estimator)
+    least = least_cost(dual.Q, effort, regulator, estimator)
     origin = origin_of(system)
-    by_states = not noise.inputs or (Q is not None and bool(semidefinite("Q", Q, plant.state_labels).any()))
+    by_states = not entering or (Q is not None and bool(semidefinite("Q", Q, plant.state_labels).any()))
     if origin is not None:
         around = origin.around
 
         def with_cost(full: Lti) -> Lti:
             given = around(full).select(plant.input_labels, plant.output_labels)
-            return _between_all(given, driven, measured) if by_states else _weighted(*parts(given, 0.0))
+            return _between_all(given, driven, measured) if by_states else _weighted(*parts(given, 0.0)[:3])
 
         origin = ReducedPlant(origin.reduction, with_cost)
     certificate = certify(loop, K, least, regulator, estimator, plant=P, origin=origin, by_states=by_states)
@@ -195,23 +188,13 @@ def lqg(
     )
 
 
-def _with_recovery(noise: Noise, way: Lti, q: float) -> Noise:
-    """Return the noise with fictitious noise of intensity ``q`` at each control."""
-    if q == 0.0:
-        return noise
-    B, D = way.B, way.D
-    return Noise(noise.W + q * B @ B.T, noise.V + q * D @ D.T, noise.S + q * B @ D.T, noise.inputs)
-
-
-def _weighted(way: Lti, problem: RiccatiProblem, noise: Noise) -> Lti:
+def _weighted(way: Lti, problem: RiccatiProblem, dual: RiccatiProblem) -> Lti:
     """Return the generalized plant whose squared H2 norm is the cost."""
     n = len(way.A)
-    weight = square_root(blocks([[problem.Q, problem.N], [problem.N.T, problem.R]])).T
-    drive = square_root(blocks([[noise.W, noise.S], [noise.S.T, noise.V]]))
-    B, C = np.hstack([drive[:n], way.B]), np.vstack([weight[:, :n], way.C])
-    return Lti(
-        way.A, B, C, blocks([[np.zeros((len(weight), drive.shape[1])), weight[:, n:]], [drive[n:], way.D]]), dt=way.dt
-    )
+    weight, drive = (square_root(blocks([[p.Q, p.N], [p.N.T, p.R]])) for p in (problem, dual))
+    B, C = np.hstack([drive[:n], way.B]), np.vstack([weight[:n].T, way.C])
+    none = np.zeros((weight.shape[1], drive.shape[1]))
+    return Lti(way.A, B, C, blocks([[none, weight[n:].T], [drive[n:], way.D]]), dt=way.dt)
 
 
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:

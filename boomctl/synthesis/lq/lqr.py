@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from boomctl.analysis.claim import Claim
 from boomctl.analysis.norm import NormBounds
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, names, some_names
@@ -22,10 +21,10 @@ from boomctl.lti.frequency import largest_gain
 from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.system import Lti, static
+from boomctl.lti.system import Lti, series
 from boomctl.printing import between, count
 from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
-from boomctl.synthesis.certificate import Design, DesignCertificate
+from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.lq.discrete_riccati import solution_of
 from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, even
@@ -40,7 +39,7 @@ _RETURN_DIFFERENCE_ATOL = 1e-2  # Of the bound 1 of the return difference, by ro
 
 
 @dataclass(frozen=True)
-class LqrResult(Design):
+class LqrResult(LoopDesign):
     """Result of a linear-quadratic regulator design.
 
     Attributes
@@ -71,21 +70,14 @@ class LqrResult(Design):
 
     gain: Array
     riccati_solution: Array = field(repr=False)
-    _controller: Lti = field(repr=False)
-    _closed_loop: Lti = field(repr=False)
     _effort: Lti = field(repr=False)
     poles: Array = field(repr=False)
     uncontrollable_modes: tuple[HiddenMode, ...]
     certificate: DesignCertificate
-    _plant: Lti = field(repr=False, compare=False)
 
     def __iter__(self) -> Iterator[Array]:
         """Yield gain, cost and poles: ``K, S, E = lqr(...)``, as python-control's ``lqr`` returns them."""
         return iter((self.gain, self.riccati_solution, self.poles))
-
-    def __claims__(self) -> Iterator[Claim]:
-        """Yield the claims about the loop of the plant that can be proved."""
-        yield Claim("the closed loop", self._plant, static(-self.gain), stable=True)
 
     @cached_property
     def control_loop(self) -> control.StateSpace:
@@ -158,40 +150,37 @@ def lqr(
     integrated = names("integral_action", listed, plant.output_labels)
     integrals = integral_action if isinstance(integral_action, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(plant, driven, Q, R, output_weight, N=N)
-    if integrated:
-        plant = _with_integrators(plant, integrated)
-        weights = linalg.block_diag(problem.Q, semidefinite("integral_action", integrals, integrated))
-        cross = np.vstack([problem.N, np.zeros((len(integrated), len(driven)))])
-        problem = RiccatiProblem(plant.A, plant.select(driven).B, weights, problem.R, cross, plant.dt)
-    solution = solved_regulator(problem, driven, plant.state_labels)
-    certificate = _certify(problem, solution)
-    closed_loop, effort = _loops(plant, driven, solution.gain)
+    bank, way = _integrators(integrated, plant.dt), plant.select(driven, integrated)
+    n, k, m = len(plant.A), len(integrated), len(driven)
+    chain, C = series(plant.select(outputs=integrated), bank), np.hstack([plant.C, np.zeros((len(plant.C), k))])
+    whole = replace(plant, A=chain.A, B=chain.B, C=C, state_labels=plant.state_labels + bank.state_labels)
+    acting = whole.select(driven)
+    weights = linalg.block_diag(problem.Q, semidefinite("integral_action", integrals, integrated))
+    problem = replace(problem, A=whole.A, B=acting.B, Q=weights, N=np.vstack([problem.N, np.zeros((k, m))]))
+    solution = solved_regulator(problem, driven, whole.state_labels)
+    F = solution.gain
+    B, D = np.hstack([np.zeros((k, n)), bank.B]), np.hstack([-F[:, :n], np.zeros((m, k))])
+    inputs, states = plant.state_labels + integrated, bank.state_labels
+    others = tuple(name for name in plant.input_labels if name not in driven) or driven
+    closed_loop = replace(whole.select(others), A=whole.A - acting.B @ F, C=C - acting.D @ F)
     return LqrResult(
-        gain=solution.gain,
-        riccati_solution=solution.X,
-        _controller=_controller(plant, driven, integrated, solution.gain).without_dots(),
+        _controller=Lti(bank.A, B, -F[:, n:], D, inputs, driven, states, plant.dt, plant.scales).without_dots(),
         _closed_loop=closed_loop,
-        _effort=effort,
+        _plant=Lti(plant.A, way.B, np.vstack([np.eye(n), way.C]), np.vstack([np.zeros((n, m)), way.D]), dt=plant.dt),
+        gain=F,
+        riccati_solution=solution.X,
+        _effort=replace(closed_loop, C=-F, D=np.zeros((m, len(others))), output_labels=driven),
         poles=solution.poles,
-        uncontrollable_modes=unmoved(plant.A, problem.B, plant.state_labels, stable=True, dt=plant.dt),
-        certificate=certificate,
-        _plant=Lti(plant.A, problem.B, np.eye(len(plant.A)), np.zeros(problem.B.shape), dt=plant.dt),
+        uncontrollable_modes=unmoved(whole.A, acting.B, whole.state_labels, stable=True, dt=plant.dt),
+        certificate=_certify(problem, solution),
     )
 
 
-def _with_integrators(plant: Lti, integrated: Sequence[str]) -> Lti:
-    """Return the plant with the integrals of some outputs as further states, ``integral.NAME``."""
-    k, n = len(integrated), len(plant.A)
-    read, states = plant.select(outputs=integrated), tuple(f"integral.{name}" for name in integrated)
-    pole, gain = _integrator(plant.dt)
-    A = blocks([[plant.A, np.zeros((n, k))], [gain * read.C, pole * np.eye(k)]])
-    B, C = np.vstack([plant.B, gain * read.D]), np.hstack([plant.C, np.zeros((len(plant.C), k))])
-    return replace(plant, A=A, B=B, C=C, state_labels=(*plant.state_labels, *states))
-
-
-def _integrator(dt: float) -> tuple[float, float]:
-    """Return ``a`` and ``b`` of an integrator ``x' = a x + b u``, in discrete time of ``x+ = a x + b u``."""
-    return (1.0, dt) if dt else (0.0, 1.0)
+def _integrators(outputs: tuple[str, ...], dt: float) -> Lti:
+    """Return the integrals of some outputs, ``integral.NAME``; in discrete time sums of the outputs times ``dt``."""
+    one, states = np.eye(len(outputs)), tuple(f"integral.{name}" for name in outputs)
+    pole, gain = (1.0, dt) if dt else (0.0, 1.0)
+    return Lti(pole * one, gain * one, one, 0.0 * one, outputs, (), states, dt)
 
 
 def regulator_problem(
@@ -215,8 +204,7 @@ def regulator_problem(
     if cross.shape != (n, m):
         raise ValueError(f"`N` must have the shape {(n, m)}, states by controls, got {cross.shape}.")
     if cross.any():
-        joint = states - cross @ linalg.solve(efforts, cross.T, assume_a="pos")
-        semidefinite("Q - N R^-1 N^T", even(joint), plant.state_labels)
+        semidefinite("[Q, N; N^T, R]", blocks([[states, cross], [cross.T, efforts]]), (*plant.state_labels, *controls))
     if output_weight is not None:
         W = semidefinite("output_weight", output_weight, plant.output_labels)
         states, efforts, cross = states + C.T @ W @ C, efforts + D.T @ W @ D, cross + C.T @ W @ D
@@ -267,21 +255,3 @@ def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertif
         regulator_riccati=solution,
         min_return_difference=least,
     )
-
-
-def _controller(plant: Lti, controls: Sequence[str], integrated: Sequence[str], gain: Array) -> Lti:
-    """Return ``u = -F x`` with the plant's states and some outputs, which it integrates, as inputs."""
-    k, dt = len(integrated), plant.dt
-    n = len(plant.A) - k
-    pole, read = _integrator(dt)
-    B, D = np.eye(k, n + k, n) * read, np.hstack([-gain[:, :n], np.zeros((len(gain), k))])
-    inputs, states = (*plant.state_labels[:n], *integrated), plant.state_labels[n:]
-    return Lti(pole * np.eye(k), B, -gain[:, n:], D, inputs, tuple(controls), states, dt, plant.scales)
-
-
-def _loops(plant: Lti, controls: Sequence[str], gain: Array) -> tuple[Lti, Lti]:
-    """Return the loop closed by ``u = -F x``, to the outputs and to the controls."""
-    driven = plant.select(controls)
-    others = tuple(name for name in plant.input_labels if name not in controls) or tuple(controls)
-    loop = replace(plant.select(others), A=plant.A - driven.B @ gain, C=plant.C - driven.D @ gain)
-    return loop, replace(loop, C=-gain, D=np.zeros((len(gain), len(others))), output_labels=tuple(controls))

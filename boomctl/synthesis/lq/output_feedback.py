@@ -1,7 +1,5 @@
 """The observer-based controllers of LQG and H2 synthesis, and their certificate."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
@@ -17,16 +15,9 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 def observer(plant: Lti, F: Array, L: Array) -> Lti:
     """Return ``u = -F z`` with ``z' = A z + B u + L (y - C z - D u)``, from measurements to controls."""
-    return replace(
-        plant,
-        A=plant.A - plant.B @ F - L @ (plant.C - plant.D @ F),
-        B=L,
-        C=-F,
-        D=np.zeros((len(F), L.shape[1])),
-        input_labels=plant.output_labels,
-        output_labels=plant.input_labels,
-        state_labels=tuple(f"estimate.{name}" for name in plant.state_labels),
-    )
+    A, D = plant.A - plant.B @ F - L @ (plant.C - plant.D @ F), np.zeros((len(F), L.shape[1]))
+    states = tuple(f"estimate.{name}" for name in plant.state_labels)
+    return Lti(A, L, -F, D, plant.output_labels, plant.input_labels, states, plant.dt, plant.scales)
 
 
 def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:

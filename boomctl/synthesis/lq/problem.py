@@ -1,9 +1,8 @@
-"""Input of linear-quadratic designs, checked: plants, weights by signal, intensities of noise."""
+"""Input of linear-quadratic designs, checked: plants, and weights or intensities by signal."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -11,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, real, some_names
+from boomctl.checks import finite_array, known, real, within
 from boomctl.lti.system import Lti, of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
@@ -82,10 +81,7 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
     for name, number in value.items() if isinstance(value, Mapping) else ():
         array[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
     for entry in np.abs(array[array != 0.0]):
-        if not _RANGE[0] <= entry <= _RANGE[1]:
-            raise ValueError(
-                f"`{what}` must have entries from {_RANGE[0]:g} to {_RANGE[1]:g} in modulus, got {entry:g}."
-            )
+        within(f"modulus of an entry of {what}", float(entry), *_RANGE)
     if array.ndim == 0:
         return float(array) * np.eye(n)
     if array.shape == (n,):
@@ -99,43 +95,3 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
             f"`{what}` must be symmetric, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})."
         )
     return 0.5 * (array + array.T)
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Intensities of white noise (two-sided spectral densities); in discrete time variances at each sample.
-
-    ``W`` is that of ``x'``, ``V`` that of the measurements, ``S`` the cross intensity; ``inputs`` are those it enters by.
-    """
-
-    W: Array
-    V: Array
-    S: Array
-    inputs: tuple[str, ...] = ()
-
-
-def noise_of(
-    plant: Lti,
-    process_noise: Weight,
-    measurement_noise: Weight,
-    *,
-    measurements: Sequence[str],
-    disturbances: str | Sequence[str] | None,
-) -> Noise:
-    """Return the checked noise of a plant.
-
-    ``process_noise`` is over the inputs named in ``disturbances``; without these, a mapping is over the inputs that
-    it names, and a number, vector or matrix over the states.
-    """
-    if isinstance(process_noise, Mapping) and disturbances is None:
-        disturbances = tuple(process_noise)
-    V = definite("measurement_noise", measurement_noise, measurements)
-    if disturbances is None:
-        array = finite_array("process_noise", process_noise)  # type: ignore[arg-type]
-        W = semidefinite("process_noise", array, plant.state_labels)
-        return Noise(W, V, W[:, :0] @ V[:0])
-    entering = some_names("disturbance", disturbances, plant.input_labels)
-    intensity = semidefinite("process_noise", process_noise, entering)
-    way = plant.select(entering, measurements)
-    W, V = way.B @ intensity @ way.B.T, V + way.D @ intensity @ way.D.T
-    return Noise(0.5 * (W + W.T), 0.5 * (V + V.T), way.B @ intensity @ way.D.T, entering)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from boomctl.arrays import Array
 from boomctl.checks import finite_array, positive, some_names, span
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import transmission_zeros
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, series
 from boomctl.printing import count, listed
 from boomctl.synthesis.lq.lqg import LqgResult, lqg
 from boomctl.synthesis.lq.problem import Weight, plant_of
@@ -40,10 +39,6 @@ class RecoveryResult:
     recovery_errors : (k,) ndarray
         Largest relative difference between the singular values of the loop at the plant's input and those of the
         regulator's loop ``F (s I - A)^-1 B``.
-    omega : (n,) ndarray
-        Frequencies [rad/s].
-    target, recovered : (m, n) ndarray
-        Singular values of the regulator's loop and of the last controller's, descending.
     zeros : complex ndarray
         Transmission zeros in the right half-plane from controls to measurements. If there are any, recovery is incomplete.
     designs : tuple of LqgResult
@@ -52,9 +47,6 @@ class RecoveryResult:
 
     noise_intensities: Array
     recovery_errors: Array
-    omega: Array = field(repr=False)
-    target: Array = field(repr=False)
-    recovered: Array = field(repr=False)
     zeros: Array
     designs: tuple[LqgResult, ...] = field(repr=False)
 
@@ -64,25 +56,6 @@ class RecoveryResult:
         zeros = count(len(self.zeros), "zero")
         text = f"\n  {zeros} in the right half-plane: recovery is incomplete" if len(self.zeros) else ""
         return f"RecoveryResult: relative error of the recovered loop, by noise intensity\n  {errors}{text}"
-
-    def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Array:
-        """Plot the regulator's loop and the recovered one over frequency, and the error over the intensity.
-
-        Parameters
-        ----------
-        ax : sequence of matplotlib Axes, or a figure, optional
-            Axes of loops and errors. If None, a new figure is created.
-        frequency_unit : {"Hz", "rad/s"}, optional
-            Unit of the frequency axis. If None, Hz.
-        **style
-            Line properties, passed to `matplotlib.axes.Axes.plot`. `label` is prefixed to the line labels.
-
-        Returns
-        -------
-        ndarray of matplotlib.axes.Axes
-            The axes.
-        """
-        return import_module("boomctl.plotting.design").plot_recovery(self, ax, frequency_unit=frequency_unit, **style)
 
 
 @one_blas_thread
@@ -160,16 +133,7 @@ def loop_transfer_recovery(
         raise ValueError(
             f"`Q` and `output_weight` must yield a regulator with a loop to recover, got a zero gain at {at:.4g} rad/s."
         )
-    response = inner.response(omega)
-    controllers = [design._controller.balanced().response(omega) for design in designs]
-    loops = [singular_values(np.einsum("ijw,jkw->ikw", K, response)) for K in controllers]
+    loops = [singular_values(series(inner, design._controller.balanced()).response(omega)) for design in designs]
+    errors = np.array([float((np.abs(loop - target) / target).max()) for loop in loops])
     zeros = transmission_zeros(inner.balanced())
-    return RecoveryResult(
-        noise_intensities=intensities,
-        recovery_errors=np.array([float((np.abs(loop - target) / target).max()) for loop in loops]),
-        omega=omega,
-        target=target,
-        recovered=loops[-1],
-        zeros=zeros[zeros.real > _RIGHT_RTOL * np.abs(zeros)],
-        designs=designs,
-    )
+    return RecoveryResult(intensities, errors, zeros[zeros.real > _RIGHT_RTOL * np.abs(zeros)], designs)

@@ -5,9 +5,9 @@ SLICOT SB02MD) in scaled modal coordinates, then by Newton's method (Kleinman 19
 the problem and in extended precision, as iterative refinement of linear equations.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import slycot
@@ -17,7 +17,8 @@ from slycot.exceptions import SlycotError
 from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
-from boomctl.lti.rounding import TINY
+from boomctl.lti.modal import sides
+from boomctl.lti.rounding import SUMMED, TINY
 from boomctl.lti.system import rates_of, signal_scales
 from boomctl.printing import compact
 
@@ -46,7 +47,7 @@ class RiccatiProblem:
 
     __repr__ = compact
 
-    @property
+    @cached_property
     def shifted(self) -> tuple[Array, Array, Array]:
         """``A - B R^-1 N^T``, ``B R^-1/2`` and ``Q - N R^-1 N^T``: the problem without its cross term."""
         L = linalg.cholesky(self.R, lower=True)
@@ -54,24 +55,41 @@ class RiccatiProblem:
         crossed = linalg.solve_triangular(L, self.N.T, lower=True)
         return self.A - acting @ crossed, acting, even(self.Q - crossed.T @ crossed)
 
+    @cached_property
+    def costly(self) -> Array:
+        """Which states have a cost: not stable ones that no entries of the shifted problem connect to the weight."""
+        (A, _, Q), size = self.shifted, np.sqrt(np.maximum(np.diag(self.Q), 0.0))
+        costly, links = (np.abs(Q) > SUMMED * np.outer(size, size)).any(axis=1), A != 0.0
+        while (more := costly | links[costly].any(axis=0)).sum() > costly.sum():
+            costly = more
+        others = np.asarray(linalg.eigvals(A[np.ix_(~costly, ~costly)]), dtype=complex)
+        return np.asarray(costly | (sides(others, self.dt) >= 0).any())
+
     def gain(self, X: Array) -> Array:
-        """Return ``F = R^-1 (B^T X + N^T)``, for ``u = -F x``."""
-        return linalg.solve(self.R, self.B.T @ X + self.N.T, assume_a="pos")
+        """Return ``F`` of ``u = -F x``."""
+        moved, effort = (X, self.R) if self.dt == 0.0 else (X @ self.A, self.R + self.B.T @ X @ self.B)
+        return linalg.solve(effort, self.B.T @ moved + self.N.T, assume_a="sym")
 
-    def terms(self, X: Array) -> tuple[Array, Array]:
-        """Return ``A^T X`` and ``(X B + N) R^-1 (X B + N)^T``, the cost that control saves."""
-        half = linalg.solve_triangular(linalg.cholesky(self.R, lower=True), self.B.T @ X + self.N.T, lower=True)
-        return self.A.T @ X, half.T @ half
+    def residual(self, X: Array, gain: Array) -> tuple[Array, float]:
+        """Return the residual of ``X``, and its norm relative to that of its largest term.
 
-    def residual(self, X: Array) -> Array:
-        """Return the residual of ``X``, with products in extended precision up to 300 states."""
+        Products are in extended precision up to 300 states.
+        """
         dtype = np.longdouble if len(X) <= MAX_EXTENDED else float
-        A, B, Q, R, N, x = (np.asarray(part, dtype=dtype) for part in (self.A, self.B, self.Q, self.R, self.N, X))
-        inverse = np.asarray(linalg.inv(self.R), dtype=dtype)
-        for _ in range(2):
-            inverse = inverse @ (2.0 * np.eye(len(R)) - R @ inverse)
-        half, side = A.T @ x, x @ B + N
-        return np.asarray(half + half.T + Q - side @ inverse @ side.T, dtype=float)
+        parts = (self.A, self.B, self.Q, self.R, self.N, gain, X)
+        A, B, Q, R, N, F, x = (np.asarray(part, dtype=dtype) for part in parts)
+        if self.dt == 0.0:
+            inverse = np.asarray(linalg.inv(self.R), dtype=dtype)
+            for _ in range(2):
+                inverse = inverse @ (2.0 * np.eye(len(R)) - R @ inverse)
+            half, side = A.T @ x, x @ B + N
+            terms = half, half.T, Q, -side @ inverse @ side.T
+        else:
+            moved, crossed = A - B @ F, N @ F  # Joseph's form, in which errors of the gain are of second order
+            terms = moved.T @ x @ moved, -x, Q, F.T @ R @ F, -crossed, -crossed.T
+        result = np.asarray(sum(terms), dtype=float)
+        largest = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in terms)
+        return result, float(np.linalg.norm(result)) / max(largest, TINY)
 
 
 @dataclass(frozen=True)
@@ -113,8 +131,8 @@ class RiccatiSolution:
         return max(errors) if self.abscissa < 0.0 else float("inf")
 
 
-Certified = Callable[[Array, bool], tuple["RiccatiSolution", Array | None]]
-"""Return a solution with its errors and the Newton step from there, by ``X`` and whether the step is small."""
+Newton = Callable[[Array, Array, Array | None], Array]
+"""Return the Newton step by the matrix of the loop, the residual and, if it is small, the cost of each state."""
 
 Change = tuple[Array, Array]
 """A change of coordinates ``x = T z`` and its inverse."""
@@ -149,18 +167,7 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
     return np.diag(d), np.diag(1.0 / d)
 
 
-def solve_riccati(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the stabilizing solution of a problem in continuous time.
-
-    Raises
-    ------
-    SynthesisError
-        If there is none, or if it is not accurate enough.
-    """
-    return best_solution(_solutions(problem), what)
-
-
-def _solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
+def continuous_solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
     """Yield solutions in modal coordinates, accurate for light damping and fine meshes, and in scaled ones."""
     shifted = problem.shifted
     for name, coordinates in (("modal", _modal), ("scaled", _scaled)):
@@ -169,7 +176,7 @@ def _solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution |
             yield f"{name} coordinates: none", None
             continue
         X = _start(*shifted, change)
-        result = None if X is None else refined(partial(_certified, problem, change), X)
+        result = None if X is None else refined(problem, X, partial(_newton_step, change))
         yield f"{name} coordinates: SLICOT SB02MD{' failed' if X is None else ''}", result
 
 
@@ -211,45 +218,34 @@ def _start(A: Array, acting: Array, Q: Array, change: Change) -> Array | None:
     return even(inverse.T @ Z @ inverse) if np.isfinite(Z).all() else None
 
 
-def refined(certified: Certified, X: Array) -> RiccatiSolution:
-    """Return a solution after as many Newton steps as improve it."""
-    best, step = certified(X, False)
+def refined(problem: RiccatiProblem, X: Array, newton: Newton) -> RiccatiSolution:
+    """Return a solution after as many Newton steps as improve it; it is exactly zero for states without a cost."""
+    costly = np.outer(problem.costly, problem.costly)
+    best, step = _assessed(problem, X * costly, newton, False)
     for _ in range(_MAX_STEPS):
         if step is None or best.relative_error <= _SOLVED:
             break
         near = best.cost_error < _NEAR
-        result, step = certified(even(best.X + step), near)
+        result, step = _assessed(problem, even(best.X + step) * costly, newton, near)
         if near and result.relative_error >= best.relative_error:
             break
         best = result
     return best
 
 
-def _certified(problem: RiccatiProblem, change: Change, X: Array, _: bool) -> tuple[RiccatiSolution, Array | None]:
+def _assessed(problem: RiccatiProblem, X: Array, newton: Newton, near: bool) -> tuple[RiccatiSolution, Array | None]:
     """Return a solution with its errors, and the Newton step from there; None if the loop is not stable."""
-    residual, gain = problem.residual(X), problem.gain(X)
-    closed, terms = problem.A - problem.B @ gain, (*problem.terms(X), problem.Q)
+    own = np.asarray(X, dtype=float)
+    gain, cost = problem.gain(own), np.maximum(np.diag(own), 0.0)
+    closed = problem.A - problem.B @ gain
     poles = np.asarray(linalg.eigvals(closed), dtype=complex)
-    step = _newton_step(closed, residual, change) if np.real(poles).max() < 0.0 else None
-    return assessed(X, gain, poles, residual, terms, step, problem.dt), step
+    abscissa, (residual, error) = float(rates_of(poles, problem.dt).real.max()), problem.residual(X, gain)
+    step = newton(closed, residual, cost if near else None) if abscissa < 0.0 else None
+    cost_error = np.inf if step is None else _scaled_norm(step, cost)
+    return RiccatiSolution(X, gain, poles, error, cost_error, abscissa), step
 
 
-def assessed(
-    X: Array, gain: Array, poles: Array, residual: Array, terms: Sequence[Array], step: Array | None, dt: float
-) -> RiccatiSolution:
-    """Return a solution with its errors, by its residual beside the terms of the equation and by its Newton step."""
-    largest = max(float(np.linalg.norm(np.asarray(term, dtype=float))) for term in terms)
-    return RiccatiSolution(
-        X,
-        gain,
-        poles,
-        residual=float(np.linalg.norm(residual)) / max(largest, TINY),
-        cost_error=np.inf if step is None else _scaled_norm(step, np.asarray(X, dtype=float)),
-        abscissa=float(rates_of(poles, dt).real.max()),
-    )
-
-
-def _newton_step(closed: Array, residual: Array, change: Change) -> Array:
+def _newton_step(change: Change, closed: Array, residual: Array, _: Array | None) -> Array:
     """Return the solution of the Lyapunov equation of a loop, solved in other coordinates."""
     T, inverse = change
     balanced, d = balance(inverse @ closed @ T)
@@ -257,11 +253,10 @@ def _newton_step(closed: Array, residual: Array, change: Change) -> Array:
     return even(inverse.T @ (Y / np.outer(d, d)) @ inverse)
 
 
-def _scaled_norm(step: Array, X: Array) -> float:
-    """Return the norm of a change of ``X``, each state scaled by its own cost."""
-    size = np.sqrt(np.maximum(np.diag(X), 0.0))
-    inverse = np.where(size > 0.0, 1.0 / np.where(size > 0.0, size, 1.0), 0.0)
-    return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(X) else 0.0
+def _scaled_norm(step: Array, cost: Array) -> float:
+    """Return the norm of a change of a solution, each state scaled by its own cost."""
+    inverse = 1.0 / np.sqrt(np.where(cost > 0.0, cost, np.inf))
+    return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(step) else 0.0
 
 
 def even(matrix: Array) -> Array:

@@ -6,7 +6,7 @@ frequency (small gain). This is sufficient, not necessary; unless the full plant
 computed too.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, isfinite, nan
@@ -61,26 +61,26 @@ def plant_within(plant: Any) -> Lti:
     return of(given, "plant", "SecondOrderModel, StateSpace or ReductionResult", sampled=True)
 
 
-def carrying(P: "control.StateSpace", plant: Any, around: Callable[[Lti], Lti]) -> "control.StateSpace":
-    """Attach the origin to a generalized plant if its plant is a reduction."""
-    if isinstance(plant, ReductionResult):
-        setattr(P, _ORIGIN, ReducedPlant(plant, around))
-    return P
-
-
 def origin_of(P: Any) -> ReducedPlant | None:
     """Return the origin of a generalized plant if its plant, or it, is a reduction."""
     return ReducedPlant(P, of) if isinstance(P, ReductionResult) else getattr(P, _ORIGIN, None)
 
 
-def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...], tuple[str, ...]]]) -> None:
-    """Warn of channels, given by name as inputs and outputs, in which a reduced plant is no larger than its error."""
+def generalized(
+    plant: Any, around: Callable[[Lti], Lti], channels: Mapping[str, tuple[Sequence[str], Sequence[str]]]
+) -> "control.StateSpace":
+    """Return the generalized plant of a plant, which remembers a reduction.
+
+    Warn of channels, given by name as inputs and outputs, in which a reduced plant is no larger than its error.
+    """
+    system, lost = plant_within(plant), []
+    P = around(system).statespace("generalized_plant")
     if not isinstance(plant, ReductionResult):
-        return
-    system, lost = of(plant.system, sampled=True), []
-    for name, signals in channels.items():
-        if all(signals) and len(system.A):
-            image = continuous_image(system.select(*signals))
+        return P
+    setattr(P, _ORIGIN, ReducedPlant(plant, around))
+    for name, (inputs, outputs) in channels.items():
+        if inputs and outputs and len(system.A):
+            image = continuous_image(system.select(inputs, outputs))
             peak, _ = largest_gain(partial_fractions(image), partial(image.response, quiet=True))
             lost += [f"from {name}, {peak:.3g}"] if peak <= plant.error_norm else []
     if lost:
@@ -89,6 +89,7 @@ def warn_of_lost_channels(plant: Any, channels: dict[str, tuple[tuple[str, ...],
             " Increase the order, or scale these signals to similar magnitudes (scale_signals).",
             ReductionWarning,
         )
+    return P
 
 
 def judged_on_full_plant(
@@ -109,22 +110,20 @@ def judged_on_full_plant(
     stages = [f"small gain {share:.3g}"]
     if size <= _MAX_POLES:
         full = replace(plant, system=origin.around(of(reduction.full_system, sampled=True)))
+        parts = ClosedLoop(full.system, K)
         try:
-            parts = ClosedLoop(full.system, K)
-            loop = parts.system
-        except ValueError:
-            stable, slowest = False, inf
-            stages.append("not well-posed")
-        else:
-            slowest = float(loop.rates.real.max(initial=-inf))
-            side = int(sides(loop.poles, loop.dt).max(initial=-1))
-            stable = {-1: True, 0: stable, 1: False}[side]  # the small gain decides for poles on the axis
+            slowest = float(parts.system.rates.real.max(initial=-inf))
+            side = int(sides(parts.system.poles, K.dt).max(initial=-1))
             stages.append("poles")
-            if stable is False:
-                norm = replace(norm, lower_bound=inf, method=UNSTABLE, verified=True)
-            elif stable and reduced is not None and size <= _MAX_NORM:
-                norm = matrices_h2_norm(cancelled(loop, full.D11)) if reduced.kind == "h2" else matrices_norm(parts)
-                stages.append(f"norm: {norm.method}")
+        except ValueError:
+            slowest, side = inf, 1
+            stages.append("not well-posed")
+        stable = {-1: True, 0: stable, 1: False}[side]  # the small gain decides for poles on the axis
+        if stable is False:
+            norm = replace(norm, lower_bound=inf, method=UNSTABLE, verified=True)
+        elif stable and reduced is not None and size <= _MAX_NORM:
+            norm = matrices_h2_norm(cancelled(parts.system, full.D11)) if kind == "h2" else matrices_norm(parts)
+            stages.append(f"norm: {norm.method}")
     summary = _summary(reduction, stable, share, slowest, norm)
     known = inf if reduced is None or norm.method == NOT_COMPUTED else reduced.value
     if not stable or norm.value > _WARNING_FACTOR * known:
@@ -161,14 +160,9 @@ def _norm_text(norm: NormBounds) -> str:
 def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
     """Return the largest ``K S`` times the error of a reduction; at least one if that is not proved to be less."""
     n, m, p = len(plant.A), plant.ncon, plant.nmeas
-    added = Lti(
-        plant.A,
-        np.hstack([np.zeros((n, p)), plant.B2]),
-        np.vstack([np.zeros((m, n)), plant.C2]),
-        blocks([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]]),
-        dt=plant.system.dt,
-    )
+    B, C = np.hstack([np.zeros((n, p)), plant.B2]), np.vstack([np.zeros((m, n)), plant.C2])
+    D = blocks([[np.zeros((m, p)), np.eye(m)], [np.eye(p), plant.D22]])
     if reduction.error_norm == 0.0:
         return 0.0
     everywhere = reduction.error_bound if reduction.omega_range else min(reduction.error_norm, reduction.error_bound)
-    return matrices_norm(ClosedLoop(added, K)).upper_bound * everywhere
+    return matrices_norm(ClosedLoop(Lti(plant.A, B, C, D, dt=plant.system.dt), K)).upper_bound * everywhere

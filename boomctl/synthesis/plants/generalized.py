@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,10 +17,11 @@ from boomctl.lti.python_control import control
 from boomctl.lti.system import Lti, append, of, series, static
 from boomctl.reduction.result import ReductionResult
 from boomctl.structure.model import SecondOrderModel
-from boomctl.synthesis.plants.full_plant import carrying, plant_within, warn_of_lost_channels
+from boomctl.synthesis.plants.full_plant import generalized, plant_within
 from boomctl.threads import one_blas_thread
 
 Weight = float | control.StateSpace | control.TransferFunction
+_Weights = Mapping[str, Lti]
 
 
 @one_blas_thread
@@ -94,49 +95,46 @@ def generalized_plant(
     ['z_tip_anti', 'z_suspension_anti', 'stroke_anti']
     """
     system = plant_within(plant)
-    ins, outs = system.input_labels, system.output_labels
-    read, set_ = names("measurement", measurements, outs), names("control", controls, ins)
-    dt = system.dt
+    ins, outs, dt = system.input_labels, system.output_labels, system.dt
+    read, driven = names("measurement", measurements, outs), names("control", controls, ins)
     w = _weighted("disturbance", "w_", disturbances, ins, dt)
     n = _weighted("noise of measurement", "n_", {} if noise is None else noise, read, dt)
     z = _weighted("performance output", "z_", performance, outs, dt)
-    e = _weighted("effort of control", "z_", {} if effort is None else effort, set_, dt)
+    e = _weighted("effort of control", "z_", {} if effort is None else effort, driven, dt)
     signals = {
         "disturbance or noise": w | n,
         "performance output or effort": z | e,
         "measurement": read,
-        "control": set_,
+        "control": driven,
     }
     for what, result in signals.items():
         if not result:
             raise ValueError(f"The generalized plant must have at least one {what}, got none.")
-    channels = {"disturbances to performance outputs": (tuple(w), tuple(z)), "controls to measurements": (set_, read)}
-    warn_of_lost_channels(plant, channels)
-    around = partial(_weighed, w=w, n=n, z=z, e=e, read=read, set_=set_)
-    return carrying(around(system).statespace("generalized_plant"), plant, around)
+
+    channels = {"disturbances to performance outputs": (tuple(w), tuple(z)), "controls to measurements": (driven, read)}
+    return generalized(plant, partial(_weighed, w=w, n=n, z=z, e=e, read=read, driven=driven), channels)
 
 
 def _weighed(
-    system: Lti,
-    *,
-    w: dict[str, Lti],
-    n: dict[str, Lti],
-    z: dict[str, Lti],
-    e: dict[str, Lti],
-    read: tuple[str, ...],
-    set_: tuple[str, ...],
+    system: Lti, *, w: _Weights, n: _Weights, z: _Weights, e: _Weights, read: Sequence[str], driven: Sequence[str]
 ) -> Lti:
     """Return a plant with weights of disturbances, noise, outputs and efforts, with measurements and controls."""
-    ins, outs = system.input_labels, system.output_labels
-    plant_in, plant_out = [("plant", i) for i in ins], [("plant", o) for o in outs]
-    passed = [*(("noise", y) for y in n), *(("control", u) for u in set_)]
-    first = append(*w.values(), *n.values(), _through(set_))
-    middle = append(system, _through((*n, *set_)))
-    last = append(*z.values(), *e.values(), _through(read))
-    sources = [{("plant", i)} for i in w] + [{("noise", y)} for y in n] + [{("plant", u), ("control", u)} for u in set_]
-    targets = [{("plant", o)} for o in z] + [{("control", u)} for u in e] + [{("plant", y), ("noise", y)} for y in read]
-    entry, leave = _incidence(sources, [*plant_in, *passed]).T, _incidence(targets, [*plant_out, *passed])
-    return replace(_joined(first, entry, middle, leave, last), dt=system.dt, scales=system.scales)
+    ends = [*(("noise", y) for y in n), *(("control", u) for u in driven)]
+    causes = [
+        *([("plant", i)] for i in w),
+        *([("noise", y)] for y in n),
+        *([("plant", u), ("control", u)] for u in driven),
+    ]
+    sums = [
+        *([("plant", o)] for o in z),
+        *([("control", u)] for u in e),
+        *([("plant", y), ("noise", y)] for y in read),
+    ]
+    entry = _incidence(causes, [*(("plant", i) for i in system.input_labels), *ends]).T
+    leave = _incidence(sums, [*(("plant", o) for o in system.output_labels), *ends])
+    first = series(append(*w.values(), *n.values(), _through(driven)), static(entry))
+    last = series(static(leave), append(*z.values(), *e.values(), _through(read)))
+    return _joined(system, first, append(system, _through((*n, *driven))), last)
 
 
 @one_blas_thread
@@ -184,45 +182,36 @@ def mixed_sensitivity(
     system = plant_within(plant)
     ins, outs = system.input_labels, system.output_labels
     errors = tuple(f"error_{name}" for name in outs)
-    weights = [
-        (signal, weight)
-        for what, signals, W in (("error", errors, W1), ("control", ins, W2), ("output", outs, W3))
+    weighted = {"error": (errors, W1), "control": (ins, W2), "output": (outs, W3)}
+    weights = {
+        what: append(*_weighted(what, "z_", dict.fromkeys(signals, W), signals, system.dt).values())
+        for what, (signals, W) in weighted.items()
         if W is not None
-        for signal, weight in _weighted(what, "z_", dict.fromkeys(signals, W), signals, system.dt).items()
-    ]
+    }
     if not weights:
         raise ValueError("`W1`, `W2` or `W3` must be given, got None for all.")
-    if len(dict(weights)) < len(weights):
-        raise ValueError("`plant` must have distinct labels of inputs and outputs, or weights for one kind only.")
-    w = {f"r_{name}": _through([f"r_{name}"]) for name in outs}
-    weigh = partial(_weighed, w=w, n={}, z=dict(weights), e={}, read=errors, set_=ins)
-    warn_of_lost_channels(plant, {"controls to measurements": (ins, outs)})
-    around = partial(_with_errors, weigh=weigh)
-    return carrying(around(system).statespace("generalized_plant"), plant, around)
+
+    return generalized(plant, partial(_with_errors, weights=weights), {"controls to measurements": (ins, outs)})
 
 
-def _with_errors(system: Lti, *, weigh: Callable[[Lti], Lti]) -> Lti:
-    """Return the weighted plant of a system with references as inputs, and with control errors and controls as outputs."""
+def _with_errors(system: Lti, *, weights: _Weights) -> Lti:
+    """Return a plant with references as inputs, weighted control errors, controls or outputs, and measured control errors."""
     ins, outs, (p, m) = system.input_labels, system.output_labels, system.D.shape
-    scales = system.scales
+    errors, scales = tuple(f"error_{name}" for name in outs), system.scales
     if scales:
         scales = {**scales, **{f"error_{name}": scales.get(name, 1.0) for name in outs}}
-    return weigh(
-        replace(
-            system,
-            B=np.hstack([np.zeros((len(system.A), p)), system.B]),
-            C=np.vstack([-system.C, np.zeros((m, len(system.A))), system.C]),
-            D=blocks([[np.eye(p), -system.D], [np.zeros((m, p)), np.eye(m)], [np.zeros((p, p)), system.D]]),
-            input_labels=(*(f"r_{name}" for name in outs), *ins),
-            output_labels=(*(f"error_{name}" for name in outs), *ins, *outs),
-            scales=scales,
-        )
-    )
+    I, J, O = np.eye(p), np.eye(m), np.zeros((p, m))
+    rows = {"error": [-I, I, O], "control": [O.T, O.T, J], "output": [I, 0.0 * I, O]}
+    first = series(_through([*(f"r_{name}" for name in outs), *ins]), static(blocks([[O.T, J], [I, O], [O.T, J]])))
+    leave = static(blocks([rows[what] for what in (*weights, "error")]))
+    last = series(leave, append(*weights.values(), _through(errors)))
+    joined = _joined(system, first, append(system, _through(outs), _through(ins)), last)
+    return replace(joined, scales=scales)
 
 
-def _joined(first: Lti, entry: Array, middle: Lti, leave: Array, last: Lti) -> Lti:
-    """Return a series of systems and gains; labels must be distinct."""
-    joined = series(series(series(series(first, static(entry)), middle), static(leave)), last)
+def _joined(plant: Lti, first: Lti, middle: Lti, last: Lti) -> Lti:
+    """Return a series of systems in the time and the scales of the plant; labels must be distinct."""
+    joined = replace(series(series(first, middle), last), dt=plant.dt, scales=plant.scales)
     for what, listed in (("input", joined.input_labels), ("output", joined.output_labels)):
         twice = [name for name in listed if listed.count(name) > 1]
         if twice:
@@ -265,7 +254,7 @@ def _through(signals: Sequence[str]) -> Lti:
     return static(np.eye(len(signals)), signals, signals)
 
 
-def _incidence(groups: Sequence[set[tuple[str, str]]], signals: Sequence[tuple[str, str]]) -> Array:
+def _incidence(groups: Sequence[list[tuple[str, str]]], signals: Sequence[tuple[str, str]]) -> Array:
     """Return the matrix with a row for each group of signals, 1 for those in the group."""
     return np.array([[float(signal in group) for signal in signals] for group in groups])
 

@@ -1,7 +1,7 @@
 """A generalized plant and its partition: disturbances and controls, performance outputs and measurements."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +18,7 @@ from boomctl.lti.system import (
     lower_lft,
     of,
     rescale,
-    static,
+    well_posed_inverse,
 )
 from boomctl.printing import compact, listed
 from boomctl.threads import one_blas_thread
@@ -33,7 +33,7 @@ INPUT_PREFIXES = ("w_", "n_", "r_")  # Of disturbances, noise and references.
 FEEDTHROUGH_RTOL = 1e-10  # Rounding residue of a canceled feedthrough, relative to D11.
 
 
-@dataclass(frozen=True)
+@dataclass
 class GeneralizedPlant:
     """``x' = A x + B1 w + B2 u``, ``z = C1 x + D11 w + D12 u``, ``y = C2 x + D21 w + D22 u``.
 
@@ -54,32 +54,19 @@ class GeneralizedPlant:
     system: Lti
     nmeas: int
     ncon: int
-    nw: int = field(init=False, repr=False, compare=False)
-    nz: int = field(init=False, repr=False, compare=False)
-    A: Array = field(init=False, repr=False, compare=False)
-    B1: Array = field(init=False, repr=False, compare=False)
-    B2: Array = field(init=False, repr=False, compare=False)
-    C1: Array = field(init=False, repr=False, compare=False)
-    C2: Array = field(init=False, repr=False, compare=False)
-    D11: Array = field(init=False, repr=False, compare=False)
-    D12: Array = field(init=False, repr=False, compare=False)
-    D21: Array = field(init=False, repr=False, compare=False)
-    D22: Array = field(init=False, repr=False, compare=False)
-    disturbances: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    controls: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    performance: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    measurements: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     __repr__ = compact
 
     def __post_init__(self) -> None:
         s = self.system
-        nz, nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
-        z, y, w, u = slice(nz), slice(nz, None), slice(nw), slice(nw, None)
-        parts = {"nw": nw, "nz": nz, "A": s.A, "B1": s.B[:, w], "B2": s.B[:, u], "C1": s.C[z], "C2": s.C[y]}
-        parts |= {"D11": s.D[z, w], "D12": s.D[z, u], "D21": s.D[y, w], "D22": s.D[y, u]}
-        parts |= {"disturbances": s.input_labels[w], "controls": s.input_labels[u]}
-        vars(self).update(parts, performance=s.output_labels[z], measurements=s.output_labels[y])
+        self.nz, self.nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
+        self.A = s.A
+        self.B1, self.B2 = np.split(s.B, [self.nw], axis=1)
+        self.C1, self.C2 = np.split(s.C, [self.nz])
+        self.D11, self.D12 = np.split(s.D[: self.nz], [self.nw], axis=1)
+        self.D21, self.D22 = np.split(s.D[self.nz :], [self.nw], axis=1)
+        self.disturbances, self.controls = s.input_labels[: self.nw], s.input_labels[self.nw :]
+        self.performance, self.measurements = s.output_labels[: self.nz], s.output_labels[self.nz :]
 
     @property
     def dual(self) -> "GeneralizedPlant":
@@ -233,15 +220,9 @@ def with_feedthrough(K: Lti, D22: Array) -> Lti:
     """
     if not D22.any():
         return K
-    repeated = replace(
-        K,
-        B=np.hstack([K.B, K.B]),
-        C=np.vstack([K.C, K.C]),
-        D=np.tile(K.D, (2, 2)),
-        input_labels=K.input_labels * 2,
-        output_labels=K.output_labels * 2,
-    )
-    return lower_lft(repeated, static(-D22))
+    read = D22 @ well_posed_inverse(np.eye(len(K.D)) + K.D @ D22)
+    direct = np.eye(len(D22)) - read @ K.D
+    return replace(K, A=K.A - K.B @ read @ K.C, B=K.B @ direct, C=K.C - K.D @ read @ K.C, D=K.D @ direct)
 
 
 def cancelled(loop: Lti, D11: Array) -> Lti:

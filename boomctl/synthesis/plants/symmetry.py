@@ -65,25 +65,18 @@ def join_symmetric(
     array([[-150.,  -50.],
            [ -50., -150.]])
     """
-    mirror = _mirror(model)
-    halves = [
-        (of(symmetric, "symmetric", "StateSpace", any_time=True), 1),
-        (of(antisymmetric, "antisymmetric", "StateSpace", any_time=True), -1),
-    ]
-    for half, _ in halves:
+    mirror, given = _mirror(model), {"symmetric": symmetric, "antisymmetric": antisymmetric}
+    halves = [of(half, name, "StateSpace", any_time=True) for name, half in given.items()]
+    for half in halves:
         check_scales(half)
-    given = (symmetric.dt, antisymmetric.dt)
-    times = {half.dt for (half, _), dt in zip(halves, given, strict=True) if dt is not None}
+    times = {half.dt for half, own in zip(halves, given.values(), strict=True) if own.dt is not None}
     if len(times) > 1:
         raise ValueError(f"`antisymmetric` must have the sampling time {symmetric.dt} s, got {antisymmetric.dt} s.")
-    inputs, outputs = (
-        [(getattr(half, kind), parity) for half, parity in halves] for kind in ("input_labels", "output_labels")
-    )
-    measured, read = _signals(mirror, inputs, model.output_labels, "output")
-    driven, drive = _signals(mirror, outputs, model.input_labels, "input")
-    both = append(*(half for half, _ in halves))
+    measured, read = _signals(mirror, [half.input_labels for half in halves], model.output_labels, "output")
+    driven, drive = _signals(mirror, [half.output_labels for half in halves], model.input_labels, "input")
+    both = append(*halves)
     B, C, D = both.B @ read.T, drive @ both.C, drive @ both.D @ read.T
-    dt, scales = min(times, default=0.0), None if None in [half.scales for half, _ in halves] else {}
+    dt, scales = min(times, default=0.0), None if None in [half.scales for half in halves] else {}
     return Lti(both.A, B, C, D, tuple(measured), tuple(driven), dt=dt, scales=scales).statespace("controller")
 
 
@@ -163,14 +156,11 @@ def split_controller(
 
 
 def _frequencies(K: Lti) -> Array:
-    """Return frequencies at and around a controller's poles, except for undamped ones."""
+    """Return frequencies around a controller's poles and beside them, where the response of undamped ones is finite."""
     poles = K.poles[resolved(K.poles) & (K.poles != 0.0)]
     poles = poles if len(poles) else -np.ones(1)
     size = np.abs(poles)
-    grid = np.union1d(np.geomspace(0.01 * size.min(), 10.0 * size.max(), 200), size)
-    for omega in size[np.abs(poles.real) <= _GAP * size]:
-        grid = np.where(np.abs(grid - omega) <= _GAP * omega, omega * (1.0 + _GAP), grid)
-    return grid
+    return np.union1d(np.geomspace(0.01 * size.min(), 10.0 * size.max(), 200), (1.0 + _GAP) * size)
 
 
 def _clusters(K: Lti) -> list[Lti]:
@@ -209,17 +199,16 @@ def _mirror(model: SecondOrderModel) -> Mirror:
 
 
 def _signals(
-    mirror: Mirror, subsystems: list[tuple[tuple[str, ...], int]], available: tuple[str, ...], kind: str
+    mirror: Mirror, subsystems: list[tuple[str, ...]], available: tuple[str, ...], kind: str
 ) -> tuple[list[str], Array]:
     """Return the machine's signals of which those of two subsystems consist, and the matrix from these to them."""
     pairs = [[name for name in (pair.right, pair.left) if name is not None] for pair in mirror.pairs]
     complete = {name for pair in pairs if set(pair) <= set(available) for name in pair}
     machine, columns = [name for name in available if name in complete], []
-    for labels, parity in subsystems:
+    for side, parity, labels in zip(("symmetric", "antisymmetric"), (1, -1), subsystems, strict=True):
         matrix, stems = mirror.signals(machine, parity) or (np.zeros((len(machine), 0)), ())
         for label in labels:
             if label not in stems:
-                side = "symmetric" if parity > 0 else "antisymmetric"
                 raise ValueError(f"{label!r} of the {side} controller must be an {kind} of that subsystem of `model`.")
             columns.append(matrix[:, stems.index(label)])
     both = np.reshape(columns, (-1, len(machine))).T
