@@ -54,7 +54,7 @@ def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
         return _KIND_OF[plant]
     given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
     if plant.machine is not None:
-        equations, constants = plant.machine._casadi_equations()
+        equations, constants = plant.planned_machine._casadi_equations()
         given += [plant.to_state, plant.from_state, plant.frequencies]
     places, own = lifted(given)
     kind = Kind(plant.n, places, equations)
@@ -114,7 +114,7 @@ def rate_hessian_of(kind: Kind) -> ca.Function:
 
 def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Array) -> tuple[Array, Array]:
     """Return the first and second time derivatives of ``row z`` at k states under torques that change by their slopes."""
-    if plant.linear:
+    if plant.machine is None:
         first = z @ plant.A.T + np.outer(torque, plant.B)
         return first @ row, (first @ plant.A.T + np.outer(slope, plant.B)) @ row
     (kind, constants), count = kind_of(plant), len(z)
@@ -222,7 +222,7 @@ def _flow(plant: _Symbols, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca
             c, s = ca.cos(w * h), ca.sin(w * h)
             p, v = p * c + v * (s / w), v * c - p * (w * s)
             held, ramp = ((1.0 - c) / w**2, s / w), ((h - s / w) / w**2, (1.0 - c) / w**2)
-        if u is not None and slope is not None and b.nnz():
+        if u is not None and slope is not None:
             p, v = p + b * (held[0] * u + ramp[0] * slope), v + b * (held[1] * u + ramp[1] * slope)
         positions.append(p)
         speeds.append(v)

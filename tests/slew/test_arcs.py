@@ -90,13 +90,12 @@ def _adjoint_of(plant, start, rows, history, t):
 def test_halves_are_refused_where_the_mirror_image_is_no_slew():
     h, system = bc.hub_beam(LOADED, modes=1), bc.hub_beam(LOADED, modes=1).linearize()
     spin = slew_problem(h, None, Limits(100.0), final_speed=1.0)
-    axial = slew_problem(bc.hub_beam(LOADED, model="foam", modes=1), 1.0, Limits(100.0))
     still = slew_problem(system, 1.0, Limits(100.0))
     A = system.A.copy()
     A[3, 3] = -0.1
     damped = slew_problem(type(system)(A, system.B, system.C, system.D), 1.0, Limits(100.0))
     assert halved(still) is not None
-    assert [halved(problem) for problem in (spin, axial, damped)] == [None] * 3
+    assert [halved(problem) for problem in (spin, damped)] == [None] * 2
 
 
 def test_programmes_along_the_motion_find_how_many_arcs_there_are():
@@ -122,7 +121,7 @@ def test_many_modes(model, modes):
 
 
 def test_given_states_are_reached():
-    h = bc.hub_beam(LOADED, modes=2)
+    h = bc.hub_beam(LOADED, modes=2).linearize()
     start = np.array([0.1, 0.03, -0.002, 0.2, -0.1, 0.02])
     slew = bc.optimal_slew(h, 1.0, 150.0, initial_state=start)
     assert slew.certificate.method == "switching times"

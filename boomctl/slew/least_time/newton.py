@@ -132,7 +132,7 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
             best, gain = result, result.wrong_sign / float(result.durations.sum())
             start = result.history(ends.problem.limits.torque)
         stages = (*stages, f"arcs counted on {intervals} intervals") if intervals else stages
-        if gain < _ENOUGH * ends.problem.rtol:
+        if gain < _ENOUGH * ends.problem.planning_rtol:
             break
     if best is None and overflow is not None:
         raise overflow
@@ -141,7 +141,7 @@ def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None,
 
 def _refined(ends: EndMap, found: _Arcs) -> ArcSlew | None:
     """Halve the steps until the end stays where it is."""
-    tolerance, error, finer = ends.problem.rtol, np.inf, 1
+    tolerance, error, finer = ends.problem.planning_rtol, np.inf, 1
     while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
         finer *= 2
         near, error = _corrected(ends, found, finer)
