@@ -224,9 +224,9 @@ def test_the_rigid_body_with_its_slowest_vibration_turns_in_the_least_time(angle
 def test_the_switching_function_is_the_costate_carried_back(modes):
     problem = slew_problem(bc.hub_beam(modes=modes).linearize(), 1.0, Limits(200.0))
     found = least_time(problem)
-    for t in (np.linspace(0.1, found.duration, 57), found.duration * np.array([0.1, 0.2, 0.25, 0.9])):
-        direct = [found.costate @ linalg.expm((found.duration - at) * problem.A) @ problem.B for at in t]
-        assert switching_function(problem, found, t) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
+    t = np.linspace(0.1, found.duration, 57)
+    direct = [found.costate @ linalg.expm((found.duration - at) * problem.A) @ problem.B for at in t]
+    assert switching_function(problem, found, t) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
 
 
 def test_a_linear_replay_is_exact_under_torques_that_are_held_or_straight():
