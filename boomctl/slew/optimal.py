@@ -59,7 +59,6 @@ if TYPE_CHECKING:
 TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
 _FAILED = 2  # meshes without a torque of least effort, after which none is tried (a choice)
 _LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
-_EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,14 +73,6 @@ class Planned:
     __repr__ = compact
 
 
-def _arc_durations(problem: SlewProblem, first: TorqueProfile) -> tuple[Candidate | None, tuple[str, ...]]:
-    """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal; and what was done."""
-    result = least_time_arcs(problem, first)
-    if result is None or result.gain >= _EXTREMAL:
-        return None, ("durations of arcs: none found",)
-    return Candidate(result.history, "switching times", result.gain, "extremal"), ("durations of arcs", *result.stages)
-
-
 def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
     """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
     if least is None or not problem.fastest:
@@ -89,7 +80,7 @@ def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
         least = least_effort(problem, duration, problem.intervals or MESHES[0]).history
     found, limit = refined(problem, least), problem.limits.torque
     if problem.fastest:
-        bang, ran = _arc_durations(
+        bang, ran = least_time_arcs(
             problem, arcs_behind(found.history.start_values / limit, found.history.duration, limit)
         )
         return replace(bang or found, stages=(*found.stages, *ran))
@@ -323,7 +314,7 @@ def _searched(problem: SlewProblem) -> Candidate:
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
         if first is not None and first.start_values.size == problem.ends.shape[0]:  # no fewer arcs than conditions
-            result, ran = _arc_durations(problem, first)
+            result, ran = least_time_arcs(problem, first)
             stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:
         extremal = least_time(problem)  # of the linear part: where every other way starts
@@ -333,7 +324,7 @@ def _searched(problem: SlewProblem) -> Candidate:
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
             return Candidate(least, "switching times", gap, optimality, stages=stages)
         if problem.fastest:
-            result, ran = _arc_durations(problem, least)
+            result, ran = least_time_arcs(problem, least)
             stages += ran
     if problem.objective == "effort" and problem.limits.torque_rate is None:
         result, stages = _least_effort(problem)

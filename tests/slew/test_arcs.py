@@ -28,7 +28,7 @@ def test_linear_plants_take_the_time_that_is_proved(modes):
     problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, Limits(150.0))
     exact = least_time(problem)
     rigid = bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.limits.torque, 1.0)
-    found = least_time_arcs(problem, rigid)
+    found, _ = least_time_arcs(problem, rigid)
     assert found is not None
     assert found.history.duration == pytest.approx(exact.duration, rel=1e-8)
     assert found.history.switching_times == pytest.approx(exact.switches, abs=1e-4)  # the time is flat there
@@ -41,7 +41,7 @@ def test_linear_plants_take_the_time_that_is_proved(modes):
 def test_pontryagin_integrated_anew(model, modes, payloads):
     """The costate by an independent integrator: its switching function vanishes at the switches and has the torque's sign."""
     problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=modes), 1.2, Limits(180.0), tip_masses=payloads)
-    found = least_time_arcs(problem, least_time(problem).history)
+    found, _ = least_time_arcs(problem, least_time(problem).history)
     assert found is not None
     history = found.history
     t = np.linspace(0.0, history.duration, 1501)
