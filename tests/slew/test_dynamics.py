@@ -17,7 +17,7 @@ LOADED = bc.HubBeamParameters(tip_mass=0.1)
 def _end(plant, steps, torque=150.0, duration=0.8):
     z, u, h = ca.SX.sym("z", plant.n), ca.SX.sym("u"), ca.SX.sym("h")
     kind, constants = kind_of(plant)
-    one = ca.Function("one", [z, u, h], [step_of(kind)(z, u, u, h, constants)])
+    one = ca.Function("one", [z, u, h], [step_of(kind)(z, u, h, constants)])
     widths = np.full((1, steps), duration / steps)
     return np.array(one.mapaccum("all", steps)(np.zeros(plant.n), np.full((1, steps), torque), widths))[:, -1]
 
