@@ -196,7 +196,7 @@ def _stationary(A: Array, B: Array, Q: Array, R: Array, refusal: str = "") -> Ar
     try:
         return solve_discrete_are(A, B, Q, R)
     except (LinAlgError, ValueError) as error:
-        raise ValueError(f"{refusal or 'error_weight'}: {error}") from None
+        raise ValueError(f"{refusal or 'tracking_weight'}: {error}") from None
 
 
 def controller_along(
@@ -264,7 +264,7 @@ def slowest_pole(
     largest = float(np.abs(np.linalg.eigvals(loop)).max())
     if not largest < 1.0:
         raise ValueError(
-            f"error_weight, noise, model_error: the loop at the end has a pole of modulus {largest:.6g}; expected weights "
-            f"with which it is stable"
+            "tracking_weight, noise, stiffness_uncertainty: the loop at the end has a pole of modulus"
+            f" {largest:.6g}; expected weights with which it is stable"
         )
     return -step / float(np.log(largest))

@@ -345,23 +345,18 @@ class SlewResult(Summarized, TimeSeries):
 
         if self.plan is None:
             raise ValueError("slew: expected one that was planned by optimal_slew")
-        problem = self.plan.problem
         return tracked_slew(
-            problem.plants[0],
-            self.torque_profile,
-            self.states[0],
-            problem.limits.torque,
-            problem.final_speed,
+            self,
             sample_time=sample_time,
             torque_limit=torque_limit,
-            settle=dwell_time,
+            dwell_time=dwell_time,
             measurements=measurements,
             sensors=sensors,
             noise=noise,
-            error_weight=tracking_weight,
+            tracking_weight=tracking_weight,
             integral_time=integral_time,
             disturbance=disturbance,
-            model_error=stiffness_uncertainty,
+            stiffness_uncertainty=stiffness_uncertainty,
         )
 
     def _outputs(self) -> dict[str, Array]:

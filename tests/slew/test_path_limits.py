@@ -113,7 +113,9 @@ def test_path_peak_of_beam_equals_peak_on_dense_times(model):
     plant, rng = plant_of(beam), np.random.default_rng(0)
     history = random_torque(rng, 2.0, True)
     history = TorqueProfile(history.edges, 100.0 * history.start_values, 100.0 * history.end_values)
-    time = np.union1d(np.linspace(0.0, 2.0, int(40 * np.abs(plant.poles.imag).max() * 2.0 / (2.0 * np.pi))), history.edges)
+    time = np.union1d(
+        np.linspace(0.0, 2.0, int(40 * np.abs(plant.poles.imag).max() * 2.0 / (2.0 * np.pi))), history.edges
+    )
     coarse, dense = (
         plant.coordinates(beam.simulate(history, t, rtol=1e-11, atol=1e-14).states)
         for t in (time, np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(time)]))

@@ -26,7 +26,9 @@ _GRIDS = (200, 600, 2000, 6000)  # intervals, the next where the one before show
 _BLIND = 3.0  # rad that the fastest vibration turns in an interval of a grid that does not see it
 _BESIDE = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit from which Newton's method starts, the nearest first
 _HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
-_SECANTS = 40  # times tried at most until the least peak on a grid is about the limit; some five do
+_SECANTS = 12  # times tried at most until the least peak on a grid is about the limit; some five do
+_CAREFUL = 0.05  # step of the logarithm of the time, where times that allow a slew may be few (a choice)
+_FAR = 3.0  # of the logarithm of the time, in which such a time is sought: twenty times the guess (a choice)
 _ROUGHLY = 1e-3  # of the logarithm of the peak, near enough for Newton's method: a fifth of an interval of the grid
 _REWEIGHTED = 20  # least-squares problems for each time tried, whose weights the next goes on from (a choice)
 _THIN = 1e-6  # share of the largest |G^T y| below which weights grow no further
@@ -105,7 +107,8 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
 
     Nothing is taken on trust: Newton's method and the signs of the switching function judge what comes out.
     """
-    for intervals, least_sum in ((_GRIDS[0], _reweighted), *((count, _programmed) for count in _GRIDS)):
+    grids = _GRIDS if problem.waits else _GRIDS[:1]
+    for intervals, least_sum in ((_GRIDS[0], _reweighted), *((count, _programmed) for count in grids)):
         if problem.fastest_vibration * guess / intervals > _BLIND and intervals != _GRIDS[-1]:
             continue
         first = _on_grid(problem, guess, intervals, least_sum)
@@ -127,7 +130,9 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
     condition; the torque has the sign of ``G^T y``.
     """
     logarithms, peaks, weights = [math.log(guess)], [], np.ones(intervals)
-    for _ in range(_SECANTS):
+    # where more time may be of no use, the least is sought from below
+    longest, tries = (1.0, _SECANTS) if problem.waits else (_CAREFUL, int(_FAR / _CAREFUL))
+    for _ in range(tries):
         problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
         duration = math.exp(logarithms[-1])
         G = problem.ends @ flow(problem).responses(duration, intervals) * problem.limits.torque
@@ -149,7 +154,7 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
             return None
         else:
             further = -peaks[-1] * (logarithms[-1] - logarithms[-2]) / (peaks[-1] - peaks[-2])
-        logarithms.append(logarithms[-1] + float(np.clip(further, -1.0, 1.0)))
+        logarithms.append(logarithms[-1] + float(np.clip(further, -longest, longest)))
     return None
 
 
