@@ -113,17 +113,10 @@ def _stacked(matrices: object, count: int) -> Array:
     return wide.reshape(len(wide), count, -1).swapaxes(0, 1)
 
 
-def weights(modes: MachineModes, along: Along, states: Array) -> Array:
-    """Return the weights of hub angle, tip and their rates, each over its largest size in the plan, squared."""
-    import casadi as ca
-
-    z = ca.SX.sym("z", states.shape[1])
-    places = [modes.output_labels.index(name) for name in ("hub_angle", "tip_displacement")]
-    at = ca.Function(
-        "rows", [z], [ca.densify(ca.jacobian(modes.read(z, ca.SX.zeros(len(modes.input_labels)))[0][places], z))]
-    )
+def weights(along: Along, rows: Array, states: Array) -> Array:
+    """Return the weights of hub angle and tip, rows over the states, and of their rates, over their spans in the plan, squared."""
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
-    for row in np.array(at(np.zeros(states.shape[1]))):
+    for row in rows:
         for item in (row, np.concatenate([np.zeros(half), row[:half]])):
             size = max(float(np.ptp(states @ item)), _SMALL)
             total += np.outer(item[along.moved], item[along.moved]) / size**2

@@ -193,7 +193,7 @@ def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, 
     machine = problem.plants[0].machine
     if machine is None:
         return ()
-    others = [(machine.with_tip_mass(mass), mass) for mass in problem.tip_masses]
+    others: list[tuple[Any, float | None]] = [(machine.with_tip_mass(mass), mass) for mass in problem.tip_masses]
     if machine.model != "foam":
         others.append((machine.with_model("foam"), None))
     others.append((machine.with_model("geometrically-exact", _EXACT_MODES), None))

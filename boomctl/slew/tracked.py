@@ -418,6 +418,7 @@ def tracked_slew(
         )
     if measurements is None and noise is not None:
         raise ValueError("noise: expected None without measurements, for the states are known then")
+    linear = machine._linear(problem.final_speed)
     torques = np.concatenate([history.interval_means(time[: count + 1]), np.zeros(after)])
     motion = machine.simulate(history, time)
     states = motion.states @ modes.from_state.T
@@ -433,7 +434,7 @@ def tracked_slew(
         model_error=within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0),
     )
     with np.errstate(all="ignore"):  # weights beyond all numbers are told below
-        K = regulator(along, weights(modes, along, states[: count + 1]), tuning, step)
+        K = regulator(along, weights(along, linear.C[[0, 2]] @ modes.to_state, states[: count + 1]), tuning, step)
         F = observer(modes, along, states[: count + 1], tuning, step)
     if not (np.isfinite(K).all() and np.isfinite(F).all()):
         raise ValueError(
@@ -443,7 +444,6 @@ def tracked_slew(
     push[0, 1:] = torques
     outputs = np.array(modes.read.map(len(time))(states.T, push)[0])
     controller = controller_along(along, K, F, wanted, modes.input_labels[0], step)
-    linear = machine._linear(problem.final_speed)
     return TrackedSlew(
         controller=controller,
         time_constant=slowest_pole(modes, along, controller, linear, integral_time is not None),

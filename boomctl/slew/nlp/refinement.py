@@ -105,9 +105,9 @@ def _compared(problem: SlewProblem, found: Candidate) -> Candidate:
             return replace(found, gap=_gap(found, _rough(problem, found.history, count, degree)))
         except OutOfTimeError as over:
             return replace(found, stages=(*found.stages, f"out of time: {over}"))
-        except SlewError as error:
-            failure = error
-    raise failure
+        except SlewError:
+            continue
+    return found
 
 
 def _rough(problem: SlewProblem, first: TorqueProfile, intervals: int, points: int = _POINTS) -> Candidate:
