@@ -114,7 +114,7 @@ def _stacked(matrices: object, count: int) -> Array:
 
 
 def weights(along: Along, rows: Array, states: Array) -> Array:
-    """Return the weights of hub angle and tip, rows over the states, and of their rates, over their spans in the plan, squared."""
+    """Return the weights of hub angle and tip (rows) and of their rates, each over its span in the plan, squared."""
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
     for row in rows:
         for item in (row, np.concatenate([np.zeros(half), row[:half]])):
