@@ -138,10 +138,11 @@ def _failure(
     said = problem.plants[0].with_unit
     missed = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
     rows = missed[: -len(t.ends)].reshape(t.intervals, -1)[:, t.defects :]
-    over = {
-        kind: rows[:, [name == f"{kind}_limit" for name in t.names]].max(axis=1)
-        for kind in problem.limits.beside_torque
-    }
+    over = {}
+    for kind in problem.limits.beside_torque:
+        worst = rows[:, [name == f"{kind}_limit" for name in t.names]].max(axis=1)
+        # limits of the motion are kept at the ends of intervals
+        over[kind] = np.append(-np.inf, worst) if kind in problem.plants[0].rows else worst
     words = {kind: f"{kind}_limit = {said(kind, f'{most:g}')}" for kind, most in problem.limits.given.items()}
     most = max(over, key=lambda kind: over[kind].max(), default="")
     what = "the end state cannot be reached"

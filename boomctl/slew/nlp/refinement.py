@@ -129,7 +129,8 @@ def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
         if prescribed_error(problem, found.motions) <= problem.rtol:
             return replace(found, gap=rough.gap, stages=rough.stages)
     raise SlewError(
-        f"intervals = {intervals}: the replay misses the end by more than {problem.rtol:.1e}; more intervals may help"
+        f"intervals = {intervals}: the replay misses the end by more than {problem.rtol:.1e}; more of them, or a larger rtol,"
+        " may help"
     )
 
 
