@@ -12,11 +12,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
-from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.dynamics import kind_of, rates_of
+from boomctl.lti.rounding import SUMMED
 from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
 from boomctl.slew.least_time.arc_count import counted
-from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.replay import Candidate
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
@@ -37,7 +35,6 @@ _ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong si
 _POSITIVE, _ROOM = 0.8, 0.1  # share of an arc that a move may take away; share of the duration that it may change
 _EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
 _CURVED = 1e-8  # least curvature over the largest: keeps flat directions finite
-_PROBES = 3  # random states at which the equations are mirrored: one would do but for chance
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,35 +217,14 @@ def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Ar
 def halved(problem: SlewProblem) -> SlewProblem | None:
     """The way to the middle of a slew whose second half is the mirror image of its first; None where there is none.
 
-    Without damping, and with the same rates at start and target, ``u(t) = -u(T - t)`` and positions turned about the middle
-    lead back in time as they lead on. The way to T/2 must then end with the positions in the middle, the rates are free.
+    Of beams without damping, from rest to rest, ``u(t) = -u(T - t)`` and positions turned about the middle lead back in time
+    as they lead on. The way to T/2 must then end with the positions in the middle, the rates are free.
     """
-    prescribed = sum(plant.n - (2 if k else 0) for k, plant in enumerate(problem.plants))
-    if problem.angle is None or problem.ends.shape[0] != prescribed:
+    damped = any(np.any(plant.A[plant.n // 2 :, plant.n // 2 :]) for plant in problem.plants)
+    if problem.linear or problem.angle is None or problem.final_speed or damped:
         return None
-    rows, target = [], 0.5 * (problem.start + problem.target)
-    for k, (plant, own) in enumerate(problem.parts):
-        half = plant.n // 2
-        start, end = problem.start[own], problem.target[own]
-        if np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):
-            return None
-        rows.append(np.eye(target.size)[own.start + np.arange(1 if k else 0, half)])
-    return replace(problem, ends=np.vstack(rows), target=target)
-
-
-def _reversible(plant: SlewPlant, twice: Array) -> bool:
-    """Whether ``z -> (twice - positions, rates)`` with time and torque reversed leaves the equations of motion alone."""
-    (kind, constants), random, half = kind_of(plant), np.random.default_rng(0), plant.n // 2
-    f = rates_of(kind)
-    shift, turn = np.where(np.arange(plant.n) < half, twice, 0.0), np.repeat([-1.0, 1.0], half)
-    for _ in range(_PROBES):
-        z, u = 0.1 * random.standard_normal(plant.n), float(random.standard_normal()) / np.abs(plant.B).max()
-        here = np.array(f(z, u, constants)).ravel()
-        there = np.array(f(turn * z + shift, -u, constants)).ravel()
-        # of the mirrored equations, relative: far above rounding, far below any damping that matters
-        if np.abs(there + turn * here).max() > ALIKE * np.abs(here).max():
-            return False
-    return True
+    rows = [own.start + np.arange(1 if k else 0, plant.n // 2) for k, (plant, own) in enumerate(problem.parts)]
+    return replace(problem, ends=np.eye(problem.start.size)[np.concatenate(rows)], target=0.5 * problem.target)
 
 
 def first_half(history: TorqueProfile) -> TorqueProfile:
