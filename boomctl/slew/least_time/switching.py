@@ -196,12 +196,12 @@ def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
     Switches are in the middle, at H, and b before and after it: ``limit / inertia (H^2 - 2 b^2)`` is the angle, and the
     vibration ends with ``cos(w H) - 2 cos(w b) + 1 = 0``, not positive at b = 0, nor negative at a quarter of a period.
     """
-    plant, start = problem.plants[0], problem.start
+    plant = problem.plants[0]
     if len(problem.plants) > 1 or plant.frequencies is None or plant.inertia is None or problem.angle is None:
         return None
-    if problem.final_speed or not (plant.still(start) and plant.still(problem.target)):
+    if problem.final_speed:
         return None
-    turn = float(plant.rows["angle"] @ (problem.target - start))
+    turn = problem.angle
     area, w = abs(turn) * plant.inertia / problem.limits.torque, float(plant.frequencies[1])
     swing = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
     b = float(brentq(swing, 0.0, 0.5 * math.pi / w))
