@@ -1,6 +1,6 @@
 """How long a slew may be sought, who is told how far it has come, and how it is stopped.
 
-IPOPT ends at a limit of its wall time; its iteration callback tells of progress and ends it after an interrupt.
+IPOPT ends at a limit of its wall time; its iteration callback tells of progress, and ends it after an interrupt.
 """
 
 import signal
@@ -55,119 +55,74 @@ class SlewProgress:
 
 @dataclass(frozen=True, eq=False)
 class SlewDeadline(Deadline):
-    """Time for the search for a slew, who is told of it, and whether it is interrupted.
+    """Time for the search for a slew, a function that is told a `SlewProgress`, and the interrupts that were noted."""
 
-    Attributes
-    ----------
-    tell : callable or None
-        Told a `SlewProgress`.
-    heard : list
-        Interrupts since the search began; see `progress_callback`.
-    """
+    tell: Callable[[SlewProgress], object] = id
+    interrupts: list[int] = field(default_factory=list)
 
-    tell: Callable[[SlewProgress], object] | None = None
-    heard: list[int] = field(default_factory=list)
-
-    def check(self, doing: str, objective: float | None = None) -> None:
-        """Tell what is done; or raise `OutOfTimeError`, or `KeyboardInterrupt` if one was heard."""
-        self.obey()
-        if self.tell is not None:
-            self.tell(SlewProgress(doing, self.elapsed, objective, None))
+    def check(self, doing: str, objective: float | None = None, violation: float | None = None) -> None:
+        """Tell what is done; raise `OutOfTimeError` if no time is left for it, `KeyboardInterrupt` after an interrupt."""
+        if self.interrupts:
+            raise KeyboardInterrupt
+        self.tell(SlewProgress(doing, self.elapsed, objective, violation))
         if self.over:
             raise OutOfTimeError(doing)
 
-    def obey(self) -> None:
-        """Raise `KeyboardInterrupt` if an interrupt was heard."""
-        if self.heard:
-            raise KeyboardInterrupt
-
 
 @contextmanager
-def listening(deadline: SlewDeadline) -> Iterator[None]:
-    """Note interrupts, so that the search obeys them between its steps; a second one is obeyed wherever it comes.
+def noting_interrupts(deadline: SlewDeadline) -> Iterator[None]:
+    """Note interrupts, which the next check obeys; a second one is obeyed wherever it comes.
 
-    Within a call of CasADi Python's own handler raises where CasADi takes it for a wrong argument, or swallows it.
+    CasADi takes an exception while it reads its arguments for a wrong argument, or for none.
     """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield
         return
 
-    def hear(number: int, frame: Any) -> None:
-        deadline.heard.append(number)
-        if len(deadline.heard) > 1:
+    def note(number: int, frame: Any) -> None:
+        deadline.interrupts.append(number)
+        if len(deadline.interrupts) > 1:
             before(number, frame)
 
-    signal.signal(signal.SIGINT, hear)
+    signal.signal(signal.SIGINT, note)
     try:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-        if deadline.heard:
-            before(signal.SIGINT, None)
+    if deadline.interrupts:
+        before(signal.SIGINT, None)
 
 
-class Watch(ca.Callback):
-    """What IPOPT calls after every iteration: it tells of progress, and ends the solution after an interrupt.
+class _Watch(ca.Callback):
+    """What IPOPT calls after every iteration; what is raised within is kept, and ends the solution."""
 
-    It also ends the solution where another iteration that takes as long as the last one would be over too late.
-    """
-
-    def __init__(self, arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float) -> None:
+    def __init__(self, seen: Callable[[float, Array], None], conditions: int) -> None:
         ca.Callback.__init__(self)
-        self.low, self.high = arguments["lbg"], arguments["ubg"]
-        self.sizes = {"x": arguments["x0"].size, "lam_x": arguments["x0"].size, "f": 1}
-        self.sizes |= {"g": self.low.size, "lam_g": self.low.size}
-        self.deadline, self.stage, self.unit = deadline, stage, unit
-        self.iterations, self.before, self.late = 0, deadline.elapsed, False
-        self.best: float | None = None
+        self.seen, self.sizes = seen, {"f": 1, "g": conditions}
         self.failed: BaseException | None = None
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
         return ca.nlpsol_n_out()
 
-    def get_n_out(self) -> int:
-        return 1
-
     def get_name_in(self, i: int) -> str:
         return ca.nlpsol_out(i)
-
-    def get_name_out(self, i: int) -> str:
-        return "ret"
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
         return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)
 
     def eval(self, arg: Any) -> list[int]:
+        values = dict(zip(ca.nlpsol_out(), arg, strict=True))
         try:
-            if self.deadline.tell is not None:
-                self._tell(dict(zip(ca.nlpsol_out(), arg, strict=True)))
+            self.seen(float(values["f"]), np.array(values["g"]).ravel())
         except BaseException as error:  # CasADi would hide it
             self.failed = error
-        now = self.deadline.elapsed
-        self.late, self.before = 2.0 * now - self.before > self.deadline.limit, now
-        return [int(self.failed is not None or self.late or bool(self.deadline.heard))]
-
-    def _tell(self, values: dict[str, Any]) -> None:
-        assert self.deadline.tell is not None
-        self.iterations += 1
-        g = np.array(values["g"]).ravel()
-        violation = float(np.max(np.maximum(self.low - g, g - self.high), initial=0.0))
-        if violation <= _KEPT:
-            cost = self.unit * float(values["f"])
-            self.best = cost if self.best is None else min(self.best, cost)
-        stage = f"{self.stage}, iteration {self.iterations}"
-        self.deadline.tell(SlewProgress(stage, self.deadline.elapsed, self.best, violation))
+        return [int(self.failed is not None)]
 
 
 def solved(
-    nlp: Any,
-    options: dict[str, Any],
-    arguments: dict[str, Array],
-    deadline: SlewDeadline,
-    stage: str,
-    unit: float = 1.0,
+    nlp: Any, options: dict[str, Any], arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Solve a programme by IPOPT, within a deadline.
 
@@ -198,7 +153,16 @@ def solved(
         On an interrupt, after the iteration in which it came.
     """
     deadline.check(stage)
-    watch = Watch(arguments, deadline, stage, unit)
+    told: list[float | None] = [None]
+
+    def seen(cost: float, g: Array) -> None:
+        """Tell of an iteration, with the cost of the best one so far that is a slew."""
+        violation = float(np.max(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), initial=0.0))
+        kept = [value for value in (told[-1], unit * cost if violation <= _KEPT else None) if value is not None]
+        told.append(min(kept, default=None))
+        deadline.check(f"{stage}, iteration {len(told) - 1}", told[-1], violation)
+
+    watch = _Watch(seen, arguments["lbg"].size)
     options = options | {"iteration_callback": watch}
     if deadline.limit < inf:
         options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _LEAST)
@@ -206,7 +170,6 @@ def solved(
     result, statistics = solver(**arguments), solver.stats()
     if watch.failed is not None:
         raise watch.failed
-    deadline.obey()
-    if not statistics["success"] and (watch.late or statistics["return_status"] == "Maximum_WallTime_Exceeded"):
+    if statistics["return_status"] == "Maximum_WallTime_Exceeded":
         raise OutOfTimeError(stage)
     return result, statistics

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.polynomial.polynomial import polyder, polyval
+from scipy.interpolate import BPoly, PPoly
 
 from boomctl.arrays import Array
 from boomctl.slew.plant import SlewPlant
@@ -19,8 +19,6 @@ from boomctl.symbolic import Places, lifted, symbols
 
 _TAYLOR = 14  # terms of a linear motion: 1 / 15! = 8e-13 is left out where |A h| is 1, below what a replay resolves
 _NEAR = 0.97  # share of a peak from which a step may hold a larger value: 40 steps in a period change it by 0.3 %
-_WITHIN = 9  # points of a step at which the search for its largest value starts
-_STEPS = 4  # Newton steps of that search
 KINDS = 64  # of functions that are remembered: those of a few models with a few numbers of modes
 
 
@@ -54,7 +52,7 @@ def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
         return _KIND_OF[plant]
     given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
     if plant.machine is not None:
-        equations, constants = plant.machine._casadi_equations()
+        equations, constants = plant.planned_machine._casadi_equations()
         given += [plant.to_state, plant.from_state, plant.frequencies]
     places, own = lifted(given)
     kind = Kind(plant.n, places, equations)
@@ -114,9 +112,6 @@ def rate_hessian_of(kind: Kind) -> ca.Function:
 
 def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Array) -> tuple[Array, Array]:
     """Return the first and second time derivatives of ``row z`` at k states under torques that change by their slopes."""
-    if plant.linear:
-        first = z @ plant.A.T + np.outer(torque, plant.B)
-        return first @ row, (first @ plant.A.T + np.outer(slope, plant.B)) @ row
     (kind, constants), count = kind_of(plant), len(z)
     given = z.T, torque[None], slope[None], np.tile(row[:, None], count), np.tile(constants[:, None], count)
     first, second = (np.array(item).ravel() for item in _row_rates(kind).map(count)(*given))
@@ -152,78 +147,59 @@ def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, 
     v0, v1 = values[near], values[near + 1]
     s0, c0 = row_rates(plant, row, z[near], start, slope)
     s1, c1 = row_rates(plant, row, z[near + 1], end, slope)
-    s0, s1, c0, c1 = h * s0, h * s1, h**2 * c0, h**2 * c1
-    rise, bend, turn = v1 - v0 - s0 - 0.5 * c0, s1 - s0 - c0, c1 - c0
-    third, fourth, fifth = (
-        10 * rise - 4 * bend + 0.5 * turn,
-        7 * bend - 15 * rise - turn,
-        6 * rise - 3 * bend + 0.5 * turn,
+    s0, s1, c0, c1 = 0.2 * h * s0, 0.2 * h * s1, 0.05 * h**2 * c0, 0.05 * h**2 * c1
+    by_bernstein = BPoly(
+        np.array([v0, v0 + s0, v0 + 2.0 * s0 + c0, v1 - 2.0 * s1 + c1, v1 - s1, v1]), np.arange(h.size + 1)
     )
-    p = np.array([v0, s0, 0.5 * c0, third, fourth, fifth]) * np.sign(np.where(np.abs(v1) > np.abs(v0), v1, v0))
-    slopes, curvatures = polyder(p), polyder(p, 2)
-    grid = np.linspace(0.0, 1.0, _WITHIN)
-    at = grid[polyval(grid, p).argmax(axis=1)]
-    for _ in range(_STEPS):
-        curved = polyval(at, curvatures, tensor=False)
-        at = np.clip(
-            at - np.divide(polyval(at, slopes, tensor=False), curved, out=0.0 * at, where=curved < 0.0), 0.0, 1.0
-        )
-    return max(top, float(polyval(at, p, tensor=False).max()))
+    steps = PPoly.from_bernstein_basis(by_bernstein)
+    return max(top, float(np.abs(steps(steps.derivative().roots(extrapolate=False))).max(initial=0.0)))
 
 
 @lru_cache(maxsize=KINDS)
 def step_of(kind: Kind) -> ca.Function:
-    """``(z, u0, u1, h, constants) -> z`` after a step h [s] on which the torque goes straight from u0 to u1."""
-    z, u0, u1, h = ca.SX.sym("z", kind.n), ca.SX.sym("u0"), ca.SX.sym("u1"), ca.SX.sym("h")
+    """``(z, u, h, constants) -> z`` after a step h [s] on which the torque u is held."""
+    z, u, h = ca.SX.sym("z", kind.n), ca.SX.sym("u"), ca.SX.sym("h")
     plant = _Symbols(kind)
     scheme = _flow if kind.equations is None else _lawson
-    return ca.Function("step", [z, u0, u1, h, plant.constants], [scheme(plant, z, u0, (u1 - u0) / h, h)])
+    return ca.Function("step", [z, u, h, plant.constants], [scheme(plant, z, u, h)])
 
 
-def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, slope: ca.SX, h: ca.SX) -> ca.SX:
+def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, h: ca.SX) -> ca.SX:
     """One step; carried along the linear flow the remainder is integrated as if it were all."""
 
-    def changed(at: ca.SX, torque: ca.SX) -> ca.SX:
-        return ca.vertcat(ca.SX.zeros(plant.n // 2), plant.remainder(at, torque))
+    def changed(at: ca.SX) -> ca.SX:
+        return ca.vertcat(ca.SX.zeros(plant.n // 2), plant.remainder(at, u))
 
     def carried(vector: ca.SX) -> ca.SX:
-        return _flow(plant, vector, None, None, 0.5 * h)
+        return _flow(plant, vector, ca.SX(1, 1), 0.5 * h)
 
-    middle = u + 0.5 * h * slope
-    k1 = changed(z, u)
-    drifted = _flow(plant, z, u, slope, 0.5 * h)
+    k1 = changed(z)
+    drifted = _flow(plant, z, u, 0.5 * h)
     pushed = carried(k1)
-    k2 = changed(drifted + 0.5 * h * pushed, middle)
-    k3 = changed(drifted + 0.5 * h * k2, middle)
-    end = _flow(plant, drifted, middle, slope, 0.5 * h)
-    k4 = changed(end + h * carried(k3), u + h * slope)
+    k2 = changed(drifted + 0.5 * h * pushed)
+    k3 = changed(drifted + 0.5 * h * k2)
+    end = _flow(plant, drifted, u, 0.5 * h)
+    k4 = changed(end + h * carried(k3))
     return end + h / 6.0 * (carried(pushed + 2.0 * (k2 + k3)) + k4)
 
 
-def _flow(plant: _Symbols, z: ca.SX, u: ca.SX | None, slope: ca.SX | None, h: ca.SX) -> ca.SX:
-    """Linear motion for a time h under ``u + slope t``, or none: modes in closed form, other plants by Taylor's series."""
+def _flow(plant: _Symbols, z: ca.SX, u: ca.SX, h: ca.SX) -> ca.SX:
+    """Linear motion for a time h under a held torque: modes in closed form, other plants by Taylor's series."""
     if plant.frequencies is None:
-        term, total = z, z
+        term, total = ca.mtimes(plant.A, z) + plant.B * u, z
         for k in range(1, _TAYLOR + 1):
-            term = ca.mtimes(plant.A, term)
-            if u is not None and slope is not None and k <= 2:
-                term += plant.B * (u if k == 1 else slope * h)
             term = term * (h / k)
-            total = total + term
+            total, term = total + term, ca.mtimes(plant.A, term)
         return total
     half = plant.n // 2
     positions, speeds = [], []
     for k in range(half):
-        p, v, w, b = z[k], z[half + k], plant.frequencies[k], plant.B[half + k]
+        p, v, w, push = z[k], z[half + k], plant.frequencies[k], plant.B[half + k] * u
         if w.nnz() == 0:  # the rigid motion
-            p, v = p + h * v, v
-            held, ramp = (0.5 * h**2, h), (h**3 / 6.0, 0.5 * h**2)
+            positions.append(p + h * v + 0.5 * h**2 * push)
+            speeds.append(v + h * push)
         else:
-            c, s = ca.cos(w * h), ca.sin(w * h)
-            p, v = p * c + v * (s / w), v * c - p * (w * s)
-            held, ramp = ((1.0 - c) / w**2, s / w), ((h - s / w) / w**2, (1.0 - c) / w**2)
-        if u is not None and slope is not None and b.nnz():
-            p, v = p + b * (held[0] * u + ramp[0] * slope), v + b * (held[1] * u + ramp[1] * slope)
-        positions.append(p)
-        speeds.append(v)
+            c, s, bent = ca.cos(w * h), ca.sin(w * h), push / w**2
+            positions.append((p - bent) * c + v * (s / w) + bent)
+            speeds.append(v * c - (p - bent) * (w * s))
     return ca.vertcat(*positions, *speeds)

@@ -133,7 +133,7 @@ class _Mesh:
         at = np.nonzero(met)
         rows, values = np.vstack([local.G, local.P[at]]), met[at] * self.most[at[0]] - local.rest[at]
         defects = [self.ends.defect(self.steps(found.torques, parts))]
-        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.rtol and len(defects) <= _CHORDS:
+        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.planning_rtol and len(defects) <= _CHORDS:
             wanted = np.concatenate([local.G @ found.torques - defects[-1], values])
             found = clipped(rows, wanted, self.limit, found.weights)
             defects.append(self.ends.defect(self.steps(found.torques, parts)))
@@ -191,12 +191,12 @@ def effort_on_mesh(
         return None
     local, result, met = answer
     missed = np.inf
-    while missed > STEP_SHARE * problem.rtol:
+    while missed > STEP_SHARE * problem.planning_rtol:
         parts *= 2
         if parts * intervals > MOST_STEPS:
             return None
         result, missed, left = mesh.led(local, result, met, parts)
-        if not left <= STEP_SHARE * problem.rtol:
+        if not left <= STEP_SHARE * problem.planning_rtol:
             return None
     pairs = np.arange(0, intervals, 2)
     joined = replace(local, d=local.G @ result.torques).joined(pairs)

@@ -81,7 +81,7 @@ class _Stepper:
 
     def motion(self, start: Array, u: Array, h: Array) -> Array:
         """States before and after all steps, n x (K + 1)."""
-        steps = _repeated(_step(self.kind), u.size)
+        steps = _repeated(step_of(self.kind), u.size)
         return np.column_stack([start, steps(start, u[None, :], h[None, :], self.constants).full()])
 
     def linearized(self, start: Array, u: Array, h: Array, check: Callable[[], None]) -> tuple[Array, Array]:
@@ -119,18 +119,10 @@ def _repeated(function: ca.Function, count: int) -> ca.Function:
 
 
 @lru_cache(maxsize=KINDS)
-def _step(kind: Kind) -> ca.Function:
-    """``(z, u, h, constants) -> z``."""
-    whole = step_of(kind)
-    z, u, h, constants = (ca.SX.sym(name, whole.size1_in(i)) for i, name in ((0, "z"), (1, "u"), (3, "h"), (4, "c")))
-    return ca.Function("step", [z, u, h, constants], [whole(z, u, u, h, constants)])
-
-
-@lru_cache(maxsize=KINDS)
 def _jacobian(kind: Kind) -> ca.Function:
     """``(z, u, h, constants) -> z`` and its Jacobian n x (n + 2)."""
-    z, u, h, constants = _step(kind).sx_in()
-    after = _step(kind)(z, u, h, constants)
+    z, u, h, constants = step_of(kind).sx_in()
+    after = step_of(kind)(z, u, h, constants)
     jacobian = ca.densify(ca.jacobian(after, ca.vertcat(z, u, h)))
     return ca.Function("jacobian", [z, u, h, constants], [after, jacobian])
 
@@ -138,8 +130,8 @@ def _jacobian(kind: Kind) -> ca.Function:
 @lru_cache(maxsize=KINDS)
 def _hessian(kind: Kind) -> ca.Function:
     """``(z, u, h, constants, l) ->`` the Hessian of l^T z by (z, h)."""
-    (z, u, h, constants), l = _step(kind).sx_in(), ca.SX.sym("l", kind.n)
-    second = ca.densify(ca.hessian(ca.dot(l, _step(kind)(z, u, h, constants)), ca.vertcat(z, h))[0])
+    (z, u, h, constants), l = step_of(kind).sx_in(), ca.SX.sym("l", kind.n)
+    second = ca.densify(ca.hessian(ca.dot(l, step_of(kind)(z, u, h, constants)), ca.vertcat(z, h))[0])
     return ca.Function("hessian", [z, u, h, constants, l], [second])
 
 

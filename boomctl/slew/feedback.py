@@ -113,17 +113,10 @@ def _stacked(matrices: object, count: int) -> Array:
     return wide.reshape(len(wide), count, -1).swapaxes(0, 1)
 
 
-def weights(modes: MachineModes, along: Along, states: Array) -> Array:
-    """Return the weights of hub angle, tip and their rates, each over its largest size in the plan, squared."""
-    import casadi as ca
-
-    z = ca.SX.sym("z", states.shape[1])
-    places = [modes.output_labels.index(name) for name in ("hub_angle", "tip_displacement")]
-    at = ca.Function(
-        "rows", [z], [ca.densify(ca.jacobian(modes.read(z, ca.SX.zeros(len(modes.input_labels)))[0][places], z))]
-    )
+def weights(along: Along, rows: Array, states: Array) -> Array:
+    """Return the weights of hub angle and tip (rows) and of their rates, each over its span in the plan, squared."""
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
-    for row in np.array(at(np.zeros(states.shape[1]))):
+    for row in rows:
         for item in (row, np.concatenate([np.zeros(half), row[:half]])):
             size = max(float(np.ptp(states @ item)), _SMALL)
             total += np.outer(item[along.moved], item[along.moved]) / size**2
@@ -196,7 +189,7 @@ def _stationary(A: Array, B: Array, Q: Array, R: Array, refusal: str = "") -> Ar
     try:
         return solve_discrete_are(A, B, Q, R)
     except (LinAlgError, ValueError) as error:
-        raise ValueError(f"{refusal or 'error_weight'}: {error}") from None
+        raise ValueError(f"{refusal or 'tracking_weight'}: {error}") from None
 
 
 def controller_along(
@@ -264,7 +257,7 @@ def slowest_pole(
     largest = float(np.abs(np.linalg.eigvals(loop)).max())
     if not largest < 1.0:
         raise ValueError(
-            f"error_weight, noise, model_error: the loop at the end has a pole of modulus {largest:.6g}; expected weights "
-            f"with which it is stable"
+            "tracking_weight, noise, stiffness_uncertainty: the loop at the end has a pole of modulus"
+            f" {largest:.6g}; expected weights with which it is stable"
         )
     return -step / float(np.log(largest))

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from math import inf, radians
 from types import EllipsisType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,28 +34,19 @@ from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
 from boomctl.progress import OutOfTimeError, computing, tell
-from boomctl.slew.deadline import SlewDeadline, SlewProgress, listening
+from boomctl.slew.deadline import SlewDeadline, SlewProgress, noting_interrupts
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.end_map import end_map
 from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs, led_to_end
-from boomctl.slew.least_time.switching import Extremal, least_time, rigid_and_slowest, time_gap
+from boomctl.slew.least_time.switching import least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
-from boomctl.slew.nlp.programme import Programme, Solution
-from boomctl.slew.nlp.refinement import Refined, refined, solved_again
+from boomctl.slew.nlp.programme import Solution
+from boomctl.slew.nlp.refinement import refined, solved, within_limits
+from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.problem import (
-    MESH_GAP,
-    MESHES,
-    ROUNDS,
-    Limits,
-    SlewProblem,
-    changed,
-    planned_problem,
-    slew_problem,
-    warn_of_turns,
-)
-from boomctl.slew.replay import Motion, binding, free_errors, other_models, played, prescribed_error, violation
+from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem, slew_problem, warn_of_turns
+from boomctl.slew.replay import Candidate, binding, free_errors, other_models, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewResult
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
@@ -67,69 +58,36 @@ if TYPE_CHECKING:
 
 TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
 _FAILED = 2  # meshes without a torque of least effort, after which none is tried (a choice)
-_EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
+_LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a result remembers of its planning: the problem, the programme and its solution where there was one."""
+    """What a result remembers of its planning: what was asked, and a programme with its solution."""
 
+    asked: dict[str, Any]
     problem: SlewProblem
-    programme: Programme | None
+    programme: Transcription | None
     solution: Solution | None
 
     __repr__ = compact
 
 
-@dataclass(frozen=True, eq=False)
-class _Candidate:
-    """A torque before it is judged; what is known of its optimality, and how it was found."""
-
-    history: TorqueProfile
-    method: str
-    gap: float
-    optimality: str
-    programme: Programme | None = None
-    solution: Solution | None = None
-    motions: tuple[Motion, ...] | None = None
-    stages: tuple[str, ...] = ()
-
-
-def _arc_durations(problem: SlewProblem, first: TorqueProfile) -> tuple[_Candidate | None, tuple[str, ...]]:
-    """Durations of a bang-bang torque's arcs, from a first torque; None where they are no extremal; and what was done."""
-    result = least_time_arcs(problem, first)
-    if result is None or result.gain >= _EXTREMAL:
-        return None, ("durations of arcs: none found",)
-    return _Candidate(result.history, "switching times", result.gain, "extremal"), ("durations of arcs", *result.stages)
-
-
-def _programme(problem: SlewProblem, least: Extremal | None) -> tuple[_Candidate, tuple[str, ...]]:
+def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
     """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
-    result = refined(problem, None if least is None else least.history)
-    history, stages, limit = result.solution.history, result.stages, problem.limits.torque
+    if least is None or not problem.fastest:
+        duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
+        least = least_effort(problem, duration, problem.intervals or MESHES[0]).history
+    found, limit = refined(problem, least), problem.limits.torque
     if problem.fastest:
-        bang, ran = _arc_durations(problem, arcs_behind(history.start_values / limit, history.duration, limit))
-        stages += ran
-        if bang is not None:
-            return bang, stages
-    return _on_mesh(problem, result), stages
+        bang, ran = least_time_arcs(
+            problem, arcs_behind(found.history.start_values / limit, found.history.duration, limit)
+        )
+        return replace(bang or found, stages=(*found.stages, *ran))
+    return found
 
 
-def _on_mesh(problem: SlewProblem, found: Refined) -> _Candidate:
-    """The torque of a programme's solution."""
-    return _Candidate(
-        history=found.solution.history,
-        method="collocation",
-        gap=found.gap,
-        optimality="stationary",
-        programme=found.programme,
-        solution=found.solution,
-        motions=found.motions,
-        stages=found.stages,
-    )
-
-
-def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, ...]]:
+def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ...]]:
     """The least effort of a torque that is held, of which no more than the end and the limits that are met have to be found.
 
     Of a linear plant within the torque's limit alone weak duality tells how far it is from the least of all; of others,
@@ -163,19 +121,19 @@ def _least_effort(problem: SlewProblem) -> tuple[_Candidate | None, tuple[str, .
     return replace(result, gap=effort_gap(problem, result.history) if proved else gap), stages
 
 
-def _effort_within(problem: SlewProblem, intervals: int) -> _Candidate | None:
+def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
     """Least effort on a mesh, the limits tightened until the replay keeps them between the nodes too; None without any."""
     duration, limits = problem.duration, problem.limits
     assert duration is not None
     if not limits.beside_torque and problem.linear:
         least = least_effort(problem, duration, intervals)
-        return _Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
+        return Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
     result = None
     for _ in range(ROUNDS):
         result = effort_on_mesh(problem, duration, intervals, limits, result)
         if result is None:
             return None
-        candidate = _Candidate(result.history, "least effort", result.more, "stationary")
+        candidate = Candidate(result.history, "least effort", result.more, "stationary")
         if not limits.beside_torque:
             return candidate
         motions = played(problem, candidate.history)
@@ -230,8 +188,7 @@ def optimal_slew(
     final_speed : float
         Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
-        States at the beginning and at the end, in the system's own order; None is rest. A final state prescribes all
-        that the torque moves.
+        States of a linear system at the beginning and at the end, in its own order; None is rest.
     tip_masses : tuple of float
         Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
     rtol : float, optional
@@ -276,25 +233,39 @@ def optimal_slew(
     >>> round(slew.duration, 4), slew.certificate.n_switches, slew.certificate.optimality_status
     (2.0, 1, 'proved')
     """
-    deadline = _deadline(time_limit, progress)
     if torque_limit is None:
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
-    problem = slew_problem(
-        system,
-        _turned(is_statespace(system), angle, angle_deg),
-        Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
-        objective,
-        duration,
-        final_speed=final_speed,
-        initial_state=initial_state,
-        final_state=final_state,
-        tip_masses=tip_masses,
-        rtol=rtol,
-        intervals=intervals,
-        deadline=deadline,
-    )
-    with computing("optimal slew"), _in_time(deadline):
-        return _planned(problem)
+    asked = {
+        "h": system,
+        "angle": _turned(is_statespace(system), angle, angle_deg),
+        "limits": Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
+        "objective": objective,
+        "duration": duration,
+        "final_speed": final_speed,
+        "initial_state": initial_state,
+        "final_state": final_state,
+        "tip_masses": tip_masses,
+        "rtol": rtol,
+        "intervals": intervals,
+    }
+    with _search(time_limit, progress) as deadline:
+        return _planned(asked, slew_problem(**asked, deadline=deadline))
+
+
+@contextmanager
+def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Iterator[SlewDeadline]:
+    """Bound a search and tell of it, by default those who listen to computations; say when time is over."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
+    deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda seen: tell(seen.stage)))
+    try:
+        with computing("optimal slew"), noting_interrupts(deadline):
+            yield deadline
+    except OutOfTimeError as over:
+        raise SlewError(
+            f"time_limit = {deadline.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
+            "Expected more time, fewer modes or payloads, or a larger tolerance"
+        ) from None
 
 
 def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
@@ -310,93 +281,57 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
     return angle
 
 
-def _planned(problem: SlewProblem) -> SlewResult:
-    """Plan a slew, of beams with axial modes without these, and certify it."""
-    planned = planned_problem(problem)
-    return _certified(problem, _searched(problem) if planned is problem else _without_axial_modes(problem, planned))
+def _planned(asked: dict[str, Any], problem: SlewProblem, before: Planned | None = None) -> SlewResult:
+    """Plan a slew, from a programme solved before where there is one, and certify it.
 
-
-def _without_axial_modes(problem: SlewProblem, planned: SlewProblem) -> _Candidate:
-    """Plan without axial modes until the limits hold with them; switching times are then corrected, if the end is missed.
-
-    Raises
-    ------
-    SlewError
-        Limits are exceeded whatever they are tightened by.
+    With axial modes, which planning leaves out, switching times are corrected at need.
     """
-    limits, excess = planned.limits, {}
-    for _ in range(ROUNDS):
-        found = _searched(replace(planned, limits=limits))
-        history, motions = found.history, played(problem, found.history)
-        excess = {kind: size for kind, size in violation(problem, history, motions).items() if kind != "torque"}
-        if max(excess.values(), default=0.0) <= ALIKE:
-            break
-        limits = limits.tightened(excess)
+    if before is None or before.programme is None or before.solution is None:
+        found = _searched(problem)
     else:
-        worst = max(excess, key=excess.__getitem__)
-        raise SlewError(f"{worst}_limit: exceeded by {excess[worst]:.1e} with axial modes; expected a higher limit")
-    ends, moved = end_map(planned, history), np.concatenate([plant.controllable for plant in problem.plants])
-    for _ in range(ROUNDS if found.method == "switching times" else 0):
-        if prescribed_error(problem, motions) <= problem.rtol:
-            break
-        end = np.concatenate([motion.coordinates[-1] for motion in motions])
-        corrected = led_to_end(ends, history, ends.rows @ end[moved] - ends.target)
-        if corrected is None:
-            break
-        problem.deadline.check("switching times corrected with axial modes", corrected.duration)
-        history, motions = corrected, played(problem, corrected)
-    stages = ("planned without axial modes", *found.stages)
-    if history is not found.history:
-        stages = (*stages, "switching times corrected with axial modes")
-    return replace(found, history=history, motions=motions, stages=stages)
+        found = within_limits(problem, solved(problem, before.programme, before.solution, problem.limits))
+        found = replace(found, stages=("collocation, solved again on its mesh",))
+    motions = played(problem, found.history) if found.motions is None else found.motions
+    if problem.stretches:
+        found = replace(found, stages=("planned without axial modes", *found.stages))
+        ends = end_map(problem, found.history)
+        for _ in range(ROUNDS if found.method == "switching times" else 0):
+            if prescribed_error(problem, motions) <= problem.rtol:
+                break
+            end = np.concatenate([motion.coordinates[-1] for motion in motions])
+            corrected = led_to_end(ends, found.history, ends.rows @ end - ends.target)
+            if corrected is None:
+                break
+            problem.deadline.check("switching times corrected with axial modes", corrected.duration)
+            motions, stages = played(problem, corrected), (*found.stages, "switching times corrected with axial modes")
+            found = replace(found, history=corrected, stages=tuple(dict.fromkeys(stages)))
+    return _certified(asked, problem, replace(found, motions=motions))
 
 
-def _searched(problem: SlewProblem) -> _Candidate:
+def _searched(problem: SlewProblem) -> Candidate:
     """Find a torque by the first way that leads to one."""
     stages, result, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
-        if (
-            first is not None and first.start_values.size == problem.ends.shape[0]
-        ):  # fewer arcs than conditions would not do
-            result, ran = _arc_durations(problem, first)
+        if first is not None and first.start_values.size == problem.ends.shape[0]:  # no fewer arcs than conditions
+            result, ran = least_time_arcs(problem, first)
             stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:
-        least = least_time(problem)  # of the linear part: where every other way starts
-        stages += least.stages
+        extremal = least_time(problem)  # of the linear part: where every other way starts
+        least, stages = extremal.history, (*stages, "linear switching times")
         if problem.fastest and problem.linear:  # it is the answer: what is left to find is its distance from the bound
-            gap = time_gap(problem, least)
+            gap = time_gap(problem, extremal)
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
-            return _Candidate(least.history, "switching times", gap, optimality, stages=stages)
+            return Candidate(least, "switching times", gap, optimality, stages=stages)
         if problem.fastest:
-            result, ran = _arc_durations(problem, least.history)
+            result, ran = least_time_arcs(problem, least)
             stages += ran
     if problem.objective == "effort" and problem.limits.torque_rate is None:
         result, stages = _least_effort(problem)
     if result is None:
-        result, ran = _programme(problem, least)
-        stages += ran
+        result = _programme(problem, least)
+        stages += result.stages
     return replace(result, stages=stages)
-
-
-def _deadline(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> SlewDeadline:
-    """Check what bounds a search and who is told of it: by default those who listen to computations."""
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    return SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda seen: tell(seen.stage)))
-
-
-@contextmanager
-def _in_time(deadline: SlewDeadline) -> Iterator[None]:
-    """Turn the end of the time into words."""
-    try:
-        with listening(deadline):
-            yield
-    except OutOfTimeError as over:
-        raise SlewError(
-            f"time_limit = {deadline.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
-            "Expected more time, fewer modes or payloads, or a larger tolerance"
-        ) from None
 
 
 @one_blas_thread
@@ -452,24 +387,23 @@ def replan(
     before = instance("result", result, SlewResult).plan
     if before is None:
         raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
-    deadline = _deadline(time_limit, progress)
+    asked = dict(before.asked)
     if angle is not None or angle_deg is not None:
-        angle = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
-    problem = replace(changed(before.problem, angle, torque_limit), deadline=deadline)
-    with computing("slew"), _in_time(deadline):
-        if before.programme is None or before.solution is None or planned_problem(problem) is not problem:
-            return _planned(problem)
-        solution, motions = solved_again(problem, before.programme, before.solution)
-    stages = ("collocation, solved again on its mesh",)
-    found = Refined(before.programme, solution, result.certificate.optimality_gap, stages, motions)
-    return _certified(problem, _on_mesh(problem, found))
+        if before.problem.angle is None or not before.problem.waits:
+            raise ValueError("angle: expected None, for the slew had a free angle or given states")
+        asked["angle"] = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
+    if torque_limit is not None:
+        asked["limits"] = replace(before.problem.limits, torque=torque_limit)
+    with _search(time_limit, progress) as deadline:
+        return _planned(asked, slew_problem(**asked, deadline=deadline), before)
 
 
-def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
-    """Play a torque back, unless it was, judge it, and put the result together."""
+def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) -> SlewResult:
+    """Judge a torque by its replay, and put the result together."""
     # what is kept of the problem tells nobody
     history, deadline, problem = found.history, problem.deadline, replace(problem, deadline=SlewDeadline())
-    motions = played(problem, history) if found.motions is None else found.motions
+    motions = found.motions
+    assert motions is not None
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
     if error > max(problem.rtol, SUMMED):  # error of the end, relative, that no tolerance forbids
@@ -509,7 +443,7 @@ def _certified(problem: SlewProblem, found: _Candidate) -> SlewResult:
         certificate=certificate,
         torque_profile=history,
         _others=partial(other_models, problem, history),
-        plan=Planned(problem, found.programme, found.solution),
+        plan=Planned(asked, problem, found.programme, found.solution),
         stages=found.stages,
         small_deformation_until=first.small_deformation_until,
         elapsed=deadline.elapsed,

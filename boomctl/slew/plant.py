@@ -34,6 +34,11 @@ class SlewMachine(Protocol):
         ...
 
     @property
+    def state_labels(self) -> tuple[str, ...]:
+        """Names of the states."""
+        ...
+
+    @property
     def _root_moment_row(self) -> Array:
         """Row that reads the bending moment at the clamp off a state, N m."""
         ...
@@ -54,14 +59,7 @@ class SlewMachine(Protocol):
         """Energy of the deviation from steady rotation, J."""
         ...
 
-    def simulate(
-        self,
-        maneuver: Any,
-        timepts: ArrayLike | None = None,
-        initial_state: ArrayLike | None = None,
-        rtol: float | None = None,
-        atol: float | None = None,
-    ) -> Any:
+    def simulate(self, maneuver: Any, timepts: Any = None, **options: Any) -> Any:
         """Motion under a `TorqueProfile`: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
         ...
 
@@ -79,10 +77,6 @@ class SlewMachine(Protocol):
 
     def with_model(self, model: str, modes: int | None = None) -> Any:
         """The same machine in another model."""
-        ...
-
-    def deformed_shape(self, states: ArrayLike) -> Array:
-        """Positions x + i y along the beam for k states, m."""
         ...
 
 
@@ -111,14 +105,12 @@ class SlewPlant:
     A, B : ndarray, n x n and n
         Linear part ``z' = A z + B u``, about rest.
     to_state, from_state : ndarray, n x n
-        Change of coordinates.
+        Change of coordinates; the states of a beam are those without axial modes.
     rows : dict of str to ndarray
         "angle", "speed", and where the plant has them "tip" [m] and "moment" [N m]: rows over z.
     frequencies : ndarray or None
         For a second-order plant in modal coordinates (m positions, rigid one first, then their rates): undamped
         frequencies, rad/s. None: coordinates as given.
-    controllable : ndarray of bool, n
-        Which coordinates the torque moves in the linear part; the others' end is not prescribed, but reported.
     machine : SlewMachine or None
         The nonlinear beam behind it; None for a linear system.
     labels : mapping from kind to (str, str)
@@ -131,13 +123,30 @@ class SlewPlant:
     from_state: Array
     rows: dict[str, Array]
     frequencies: Array | None
-    controllable: Array
     machine: SlewMachine | None
     labels: Mapping[str, tuple[str, str]] = field(default_factory=lambda: LABELS)
 
     def with_unit(self, kind: str, number: str) -> str:
         """Return a number of some kind with its unit, where that is known."""
         return f"{number} {self.labels[kind][1]}".rstrip()
+
+    @property
+    def planned_machine(self) -> SlewMachine:
+        """The beam that is planned: one that does not stretch."""
+        assert self.machine is not None
+        return self.machine._without_axial_modes()
+
+    @cached_property
+    def axial(self) -> Array:
+        """Places of the axial coordinates among the states of the beam, which are played but not planned."""
+        if self.machine is None:
+            return np.zeros(0, dtype=int)
+        planned = self.planned_machine.state_labels
+        return np.flatnonzero([name not in planned for name in self.machine.state_labels])
+
+    def coordinates(self, states: Array) -> Array:
+        """Return z for k states."""
+        return np.delete(states, self.axial, axis=1) @ self.from_state.T
 
     @property
     def vibration(self) -> tuple[float, float]:
@@ -148,13 +157,8 @@ class SlewPlant:
 
     @property
     def n(self) -> int:
-        """Number of states."""
+        """Number of coordinates."""
         return self.A.shape[0]
-
-    @property
-    def linear(self) -> bool:
-        """Whether the linear part is all there is."""
-        return self.machine is None
 
     @cached_property
     def inertia(self) -> float | None:
@@ -176,27 +180,20 @@ class SlewPlant:
         return 2.0 * np.pi / float(self.frequencies[1])
 
     @cached_property
+    def poles(self) -> Array:
+        """Eigenvalues of the linear part, 1/s."""
+        return np.linalg.eigvals(self.A)
+
+    @property
     def slowest(self) -> float:
         """Least size of an eigenvalue that is not zero, 1/s; infinite if there is none. A double zero splits by rounding."""
-        sizes = np.abs(np.linalg.eigvals(self.A))
+        sizes = np.abs(self.poles)
         return float(np.min(sizes, where=sizes > _SPLIT * np.abs(self.A).max(), initial=np.inf))
-
-    @cached_property
-    def fastest_vibration(self) -> float:
-        """Frequency of the fastest vibration that the torque moves, rad/s."""
-        moved = self.controllable
-        return float(np.abs(np.linalg.eigvals(self.A[np.ix_(moved, moved)]).imag).max())
 
     def still(self, z: Array) -> bool:
         """Whether nothing moves at z without torque."""
         # share of |A| |z| below which nothing moves
         return bool(np.abs(self.A @ z).max() <= ALIKE * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
-
-    @cached_property
-    def _still(self) -> Array:
-        """State of a machine that stands still."""
-        assert self.machine is not None
-        return self.machine.steady_state(0.0)
 
     def rest(self, angle: float, speed: float) -> Array:
         """Coordinates z at an angle [rad] in steady rotation at a speed [rad/s].
@@ -207,7 +204,7 @@ class SlewPlant:
             If a linear plant has no such state: ``A x`` is to be the shift of the angle at that speed.
         """
         if self.machine is not None:
-            x = np.array(self.machine.steady_state(speed) if speed else self._still, dtype=float)
+            x = np.array(self.planned_machine.steady_state(speed), dtype=float)
             x[0] += angle
             return self.from_state @ x
         unit = _solved(np.vstack([self.A, self.rows["angle"]]), np.append(np.zeros(self.n), 1.0))
@@ -248,8 +245,9 @@ def plant_of(h: object) -> SlewPlant:
 
 @lru_cache(maxsize=_BEAMS)
 def _beam(h: SlewMachine) -> SlewPlant:
-    """The beam in modal coordinates of its linear part about rest."""
-    at_rest = h._linear(0.0)
+    """The beam in modal coordinates of its linear part about rest, without axial modes."""
+    planned = h._without_axial_modes()
+    at_rest = planned._linear(0.0)
     A, B, C = at_rest.A, at_rest.B, at_rest.C
     size = A.shape[0] // 2
     values, vectors = np.linalg.eig(-A[size:, :size])
@@ -257,16 +255,13 @@ def _beam(h: SlewMachine) -> SlewPlant:
     order = np.argsort(squares)
     shapes, squares = shapes[:, order], squares[order]
     shapes[:, 0], squares[0] = np.eye(size)[0], 0.0
-    inverse = np.linalg.inv(shapes)
-    push = inverse @ B[size:, 0]
-    felt = np.abs(push) * np.linalg.norm(shapes, axis=0) > SUMMED * np.linalg.norm(B)
-    scale = np.where(felt, push / push[0], 1.0)
-    shapes, inverse, push = shapes * scale, inverse / scale[:, None], np.where(felt, push / scale, 0.0)
-    to_state, from_state = (np.kron(np.eye(2), item) for item in (shapes, inverse))
+    push = np.linalg.solve(shapes, B[size:, 0])
+    shapes, push = shapes * (push / push[0]), np.full(size, push[0])
+    to_state, from_state = (np.kron(np.eye(2), item) for item in (shapes, np.linalg.inv(shapes)))
     modal = from_state @ A @ to_state
     modal[:size, :size], modal[:size, size:] = 0.0, np.eye(size)
     modal[size:, :size] = -np.diag(squares)
-    rows = {"angle": C[0], "speed": C[1], "tip": C[2], "moment": np.asarray(h._root_moment_row)}
+    rows = {"angle": C[0], "speed": C[1], "tip": C[2], "moment": np.asarray(planned._root_moment_row)}
     plant = SlewPlant(
         A=modal,
         B=np.concatenate([np.zeros(size), push]),
@@ -274,7 +269,6 @@ def _beam(h: SlewMachine) -> SlewPlant:
         from_state=from_state,
         rows={name: row @ to_state for name, row in rows.items()},
         frequencies=np.sqrt(np.abs(squares)),
-        controllable=np.concatenate([felt, felt]),
         machine=h,
     )
     for item in (*vars(plant).values(), *plant.rows.values()):
@@ -307,7 +301,6 @@ def _linear(system: lti.Lti) -> SlewPlant:
         from_state=np.diag(1.0 / unit),
         rows=rows,
         frequencies=None,
-        controllable=np.ones(b.size, dtype=bool),
         machine=None,
         labels=_labels(system.input_labels[0], system.output_labels[0]),
     )

@@ -33,10 +33,8 @@ from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 
-_RTOL, _RTOL_AXIAL = (
-    1e-6,
-    1e-4,
-)  # Errors of the end by default: of models with axial modes, the least that planning keeps.
+_RTOL = 1e-6  # Error of the end by default.
+_RTOL_AXIAL = 1e-4  # Of models with axial modes by default: the least that planning without them keeps.
 MESHES = (50, 100, 200, 400, 800)  # intervals tried, the coarsest and the finest a choice; each halves those before
 MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
 ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
@@ -161,14 +159,29 @@ class SlewProblem:
         return self.objective == "time" and not self.limits.beside_torque
 
     @property
+    def ramps(self) -> bool:
+        """Whether the torque is to be continuous and straight on intervals; else it is held there."""
+        return OBJECTIVES[self.objective].continuous or self.limits.torque_rate is not None
+
+    @property
     def linear(self) -> bool:
-        """Whether all plants are linear."""
-        return all(plant.linear for plant in self.plants)
+        """Whether what is slewed is a linear system."""
+        return self.plants[0].machine is None
+
+    @property
+    def stretches(self) -> bool:
+        """Whether beams have axial modes, without which they are planned."""
+        return bool(self.plants[0].axial.size)
+
+    @property
+    def planning_rtol(self) -> float:
+        """Error of the end that planning allows; what axial modes add to it is left."""
+        return min(self.rtol, _RTOL) if self.stretches else self.rtol
 
     @property
     def fastest_vibration(self) -> float:
-        """Frequency of the fastest vibration that the torque moves, rad/s."""
-        return max(plant.fastest_vibration for plant in self.plants)
+        """Frequency of the fastest vibration, rad/s."""
+        return max(float(np.abs(plant.poles.imag).max()) for plant in self.plants)
 
     @cached_property
     def A(self) -> Array:
@@ -239,12 +252,12 @@ def slew_problem(
     masses = tuple(nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg"))
     plants = _plants(h, masses)
     for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        if (kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)) and kind not in plants[
-            0
-        ].rows:
+        limited = kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)
+        if limited and kind not in plants[0].rows:
             raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
     turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
-    start, target, ends, waits = end_conditions(plants, turn, speed, initial_state, final_state)
+    start, target, ends, waits = _end_conditions(plants, turn, speed, initial_state, final_state)
+    default = _RTOL_AXIAL if plants[0].axial.size else _RTOL
     problem = SlewProblem(
         plants=plants,
         objective=objective,
@@ -256,57 +269,13 @@ def slew_problem(
         target=target,
         ends=ends,
         waits=waits,
-        rtol=(_RTOL_AXIAL if any(map(has_axial_modes, plants)) else _RTOL) if rtol is None else positive("rtol", rtol),
+        rtol=default if rtol is None else positive("rtol", rtol),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,
         deadline=SlewDeadline() if deadline is None else deadline,
     )
-    _refuse(problem)
+    _check_feasible(problem)
     return problem
-
-
-def has_axial_modes(plant: SlewPlant) -> bool:
-    """Return whether a beam has modes that the torque does not move in the linear part."""
-    return not plant.controllable.all()
-
-
-def planned_problem(problem: SlewProblem) -> SlewProblem:
-    """Return the problem that is planned: of beams with axial modes, that of beams which do not stretch."""
-    if not any(map(has_axial_modes, problem.plants)):
-        return problem
-    machines = [plant.machine for plant in problem.plants if plant.machine is not None]
-    moved = np.concatenate([plant.controllable for plant in problem.plants])
-    return replace(
-        problem,
-        plants=tuple(plant_of(machine._without_axial_modes()) for machine in machines),
-        start=problem.start[moved],
-        target=problem.target[moved],
-        ends=problem.ends[:, moved],
-        rtol=min(problem.rtol, _RTOL),
-    )
-
-
-def changed(problem: SlewProblem, angle: float | None, torque_limit: float | None) -> SlewProblem:
-    """The problem with another angle or torque limit.
-
-    Raises
-    ------
-    ValueError
-        If its angle is free, or does not start and end at rest.
-    SlewError
-        If it is infeasible then.
-    """
-    new = problem
-    if angle is not None:
-        if problem.angle is None or not problem.waits:
-            raise ValueError("angle: expected None, for the slew had a free angle or given states")
-        shift = real("angle", angle) - problem.angle
-        gaps = [plant.rest(shift, 0.0) for plant in problem.plants]
-        new = replace(new, angle=float(angle), target=problem.target + np.concatenate(gaps))
-    if torque_limit is not None:
-        new = replace(new, limits=replace(new.limits, torque=torque_limit))
-    _refuse(new)
-    return new
 
 
 def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
@@ -320,12 +289,12 @@ def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
     return (first, *(item for item in others if not np.array_equal(item.A, first.A)))
 
 
-def end_conditions(
+def _end_conditions(
     plants: tuple[SlewPlant, ...],
     angle: float | None,
     final_speed: float,
-    initial: ArrayLike | None = None,
-    final: ArrayLike | None = None,
+    initial: ArrayLike | None,
+    final: ArrayLike | None,
 ) -> tuple[Array, Array, Array, bool]:
     """Start, target, prescribed rows of the end, and whether the plant can wait at either."""
     first = plants[0]
@@ -334,6 +303,8 @@ def end_conditions(
 
     def given(name: str, value: ArrayLike) -> Array:
         x = finite_array(name, value, 1)
+        if first.machine is not None:
+            raise ValueError(f"{name}: expected None for a hub-beam, which begins at rest and ends in steady rotation")
         if x.size != first.n:
             raise ValueError(f"{name}: expected {first.n} numbers, one a state, got {x.size}")
         return first.from_state @ x
@@ -349,113 +320,68 @@ def end_conditions(
             f"angle = {angle!r}: expected None or {first.with_unit('angle', f'{led:.9g}')}, as the final_state has it; "
             "it is given by both"
         )
-    rows = np.eye(first.n)[first.controllable]
+    rows = np.eye(first.n)
     if angle is None and final is None:  # the angle is free: rows across the direction of rest
-        along = rows @ first.rest(1.0, 0.0)
-        rows = np.linalg.svd(along[None, :])[2][1:] @ rows
-    ends, starts, targets = [rows], [start], [target]
-    for plant in plants[1:]:
-        if initial is not None or final is not None:
-            raise ValueError("tip_masses: expected none beside initial_state or final_state")
-        elastic = plant.controllable.copy()
-        elastic[[0, plant.n // 2]] = False
-        ends.append(np.eye(plant.n)[elastic])
-        starts.append(plant.rest(0.0, 0.0))
-        targets.append(plant.rest(angle or 0.0, final_speed))
+        rows = np.linalg.svd(first.rest(1.0, 0.0)[None, :])[2][1:]
+    others = [np.delete(np.eye(plant.n), [0, plant.n // 2], axis=0) for plant in plants[1:]]
+    starts = [start, *(plant.rest(0.0, 0.0) for plant in plants[1:])]
+    targets = [target, *(plant.rest(angle or 0.0, final_speed) for plant in plants[1:])]
     still = first.still(start) or first.still(target)
-    return np.concatenate(starts), np.concatenate(targets), block_diag(*ends), still
+    return np.concatenate(starts), np.concatenate(targets), block_diag(rows, *others), still
 
 
-def _refuse(problem: SlewProblem) -> None:
-    """Refuse what a rigid body's motion shows to be impossible: its angular momentum is the torque's integral."""
-    plant, own = problem.parts[0]
-    here = not np.any(problem.ends @ (problem.target - problem.start))
-    if here and (problem.objective == "time" or problem.waits):
-        raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
-    if problem.duration is not None and _coasts(problem, problem.duration):
+def _check_feasible(problem: SlewProblem) -> None:
+    """Check what needs no search: a slew that leads somewhere, states within the limits, a rigid body's least times."""
+    (plant, own), T, limits = problem.parts[0], problem.duration, problem.limits
+    alone = problem.start if T is None else problem.start + matrix_expm1(T * problem.A) @ problem.start
+    scale = np.abs(problem.ends) @ np.maximum(np.abs(alone), np.abs(problem.target))
+    if np.all(np.abs(problem.ends @ (alone - problem.target)) <= ALIKE * scale):
+        if T is None or problem.waits:
+            raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
         raise ValueError("duration: the plant comes to its end state by itself; expected a slew that needs a torque")
-    gap = (problem.target - problem.start)[own]
-    turn, change = (abs(float(plant.rows[name] @ gap)) for name in ("angle", "speed"))
-    most = problem.limits.most("speed")
-    if abs(problem.final_speed) > most:
-        raise SlewError(
-            f"final_speed = {exactly(problem.final_speed)}: expected at most speed_limit ="
-            f" {plant.with_unit('speed', exactly(most))}"
-        )
-    _refuse_states(problem)
-    least, what = (problem.rigid_time, "angle") if problem.duration is None else (problem.duration, "duration")
+    last = "final_speed" if problem.final_speed else "final_state"
+    for name, state, t in (("initial_state", problem.start, "0"), (last, problem.target, "t_f")):
+        for kind in (kind for kind in limits.given if kind in plant.rows):
+            size = abs(float(plant.rows[kind] @ state[own]))
+            if size > limits.most(kind) * (1.0 + ALIKE):
+                raise SlewError(
+                    f"{kind}_limit = {plant.with_unit(kind, f'{limits.most(kind):g}')}: the {name} has"
+                    f" {plant.with_unit(kind, f'{size:.4g}')} at t = {t}; expected states within the limit"
+                )
+    least, what = (problem.rigid_time, "angle") if T is None else (T, "duration")
     if plant.frequencies is not None and least > _MOST_PERIODS * plant.period:
         value = problem.angle if what == "angle" and problem.angle is not None else least
         raise ValueError(
             f"{what} = {exactly(value)}: the slew lasts about {least:.4g} s, {least / plant.period:.3g} periods of the"
             f" slowest vibration; expected at most {_MOST_PERIODS}: a nearer end, or a larger torque_limit"
         )
-    if problem.duration is None:
-        return
-    if problem.angle is not None and turn > most * problem.duration:
-        raise SlewError(
-            f"duration = {exactly(problem.duration)} s: too short for {_turn(plant, turn)} at speed_limit ="
-            f" {plant.with_unit('speed', exactly(most))}, which takes {from_on(turn / most)} s at least"
-        )
-    if problem.waits and plant.inertia is not None:
-        resting = change == 0.0 and not np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0)
-        _refuse_short(problem, plant.inertia, turn if resting and problem.angle is not None else 0.0, change)
+    if T is not None and problem.waits and plant.inertia is not None:
+        _check_duration(problem, T, plant.inertia)
 
 
-def _turn(plant: SlewPlant, turn: float) -> str:
-    """Return in words what is turned through, or moved by."""
-    name, unit = plant.labels["angle"]
-    return f"{turn:g} {unit}" if unit else f"a change of {name} by {turn:g}"
-
-
-def _coasts(problem: SlewProblem, duration: float) -> bool:
-    """Whether no torque at all leads to the end: a linear plant's own motion, or steady rotation."""
-    start, plant = problem.start, problem.plants[0]
-    if problem.linear:
-        end = start + matrix_expm1(duration * problem.A) @ start
-    else:
-        first = start[: plant.n]
-        angle, speed = (float(plant.rows[name] @ first) for name in ("angle", "speed"))
-        if len(problem.plants) > 1 or np.abs(plant.rest(angle, speed) - first).max() > ALIKE * np.abs(first).max():
-            return False
-        end = first + plant.rest(speed * duration, 0.0)
-    scale = np.abs(problem.ends) @ np.maximum(np.abs(end), np.abs(problem.target))
-    return bool(np.all(np.abs(problem.ends @ (end - problem.target)) <= ALIKE * scale))
-
-
-def _refuse_states(problem: SlewProblem) -> None:
-    """Refuse a start or a prescribed end beyond a limit."""
+def _check_duration(problem: SlewProblem, T: float, inertia: float) -> None:
+    """Check a duration against a rigid body's least times, less a tenth: a beam that bends may have a little less inertia."""
     plant, own = problem.parts[0]
-    for name, state, t in (("initial_state", problem.start, "0"), ("final_state", problem.target, "t_f")):
-        for kind in ("speed", "tip", "moment"):
-            limit, row = problem.limits.most(kind), plant.rows.get(kind)
-            size = 0.0 if row is None else abs(float(row @ state[own]))
-            if size > limit * (1.0 + ALIKE):
-                raise SlewError(
-                    f"{kind}_limit = {plant.with_unit(kind, f'{limit:g}')}: the {name} has"
-                    f" {plant.with_unit(kind, f'{size:.4g}')} at t = {t}; expected states within the limit"
-                )
-
-
-def _refuse_short(problem: SlewProblem, inertia: float, turn: float, change: float) -> None:
-    """Refuse a duration too short for a rigid body, less a tenth: a beam that bends may have a little less inertia."""
-    assert problem.duration is not None
+    turn, change = (abs(float(plant.rows[name] @ (problem.target - problem.start)[own])) for name in ("angle", "speed"))
+    if problem.angle is None or change or np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0):
+        turn = 0.0
     margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding alone where the plant is what it seems
-    T, torque, rate = problem.duration, problem.limits.torque, problem.limits.most("torque_rate")
-    plant = problem.plants[0]
-    around, faster = _turn(plant, turn), f"a change of {plant.with_unit('speed', f'{change:g}')}"
-    what_turns = f"{inertia:.4g} kg m^2" if plant.labels is LABELS else f"inertia {inertia:.4g}"
-    # a rigid body's least times under a limited slope of the torque, then under a limited torque
-    for what, least, limited in (
-        (around, (32.0 * turn * inertia / rate) ** (1 / 3), (rate, 32.0 * inertia * turn / T**3, "torque_rate")),
-        (faster, 2.0 * math.sqrt(inertia * change / rate), (rate, 4.0 * inertia * change / T**2, "torque_rate")),
-        (around, 2.0 * math.sqrt(turn * inertia / torque), (torque, 4.0 * inertia * turn / T**2, "torque")),
-        (faster, inertia * change / torque, (torque, inertia * change / T, "torque")),
+    name, unit = plant.labels["angle"]
+    around = f"{turn:g} {unit}" if unit else f"a change of {name} by {turn:g}"
+    faster = f"a change of {plant.with_unit('speed', f'{change:g}')}"
+    body = f"{inertia:.4g} kg m^2" if plant.labels is LABELS else f"inertia {inertia:.4g}"
+    torque, rate, speed = (problem.limits.most(kind) for kind in ("torque", "torque_rate", "speed"))
+    # a rigid body's least times under a limit, and the limit that would do
+    for what, least, kind, needed in (
+        (around, turn / speed, "speed", turn / T),
+        (around, (32.0 * turn * inertia / rate) ** (1 / 3), "torque_rate", 32.0 * inertia * turn / T**3),
+        (faster, 2.0 * math.sqrt(inertia * change / rate), "torque_rate", 4.0 * inertia * change / T**2),
+        (around, 2.0 * math.sqrt(turn * inertia / torque), "torque", 4.0 * inertia * turn / T**2),
+        (faster, inertia * change / torque, "torque", inertia * change / T),
     ):
         if margin * least > T:
-            limit, needed, kind = limited
             raise SlewError(
-                f"duration = {exactly(T)} s: too short for {what}; a rigid body of {what_turns} takes {from_on(least)} s"
-                f" at {kind}_limit = {plant.with_unit(kind, exactly(limit))}, or needs"
+                f"duration = {exactly(T)} s: too short for {what}; a rigid body of {body} takes {from_on(least)} s"
+                f" at {kind}_limit = {plant.with_unit(kind, exactly(problem.limits.most(kind)))}, or needs"
                 f" {plant.with_unit(kind, from_on(needed))}"
             )

@@ -1,6 +1,5 @@
 """The plan is played back by integrators that planning does not use, and judged."""
 
-import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,21 +7,21 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import warn_user
+from boomctl.lti.hold import linear_hold, recursion
+from boomctl.lti.rounding import SUMMED
 from boomctl.slew.dynamics import path_peak
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewPlant, is_machine
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
-from boomctl.slew.torque import APART, TorqueProfile, lines_between
+from boomctl.slew.torque import TorqueProfile, lines_between
 
-_SAMPLES = 1001  # instants of a replay at least: pictures are drawn from them
+_SAMPLES = 1000  # instants of a replay at least: pictures are drawn from them
 # times in a period of the fastest vibration, where motion is limited; `path_peak` interpolates between them
 _IN_PERIOD = 40
 _MOST_SAMPLES = 200_000  # instants of a replay at most: some seconds (a choice)
-_AT_ONCE = 20_000  # steps of a linear motion that are mapped at once: 60 MB with eight modes (a choice)
+_DIGITS = 12  # of steps over the duration, by which they differ otherwise than by rounding
 _AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
-_TAYLOR, _TURN = 30, 0.5  # terms of a linear motion, and |A h| of a part of a step: 0.5^30 / 30! is 4e-42
-_SMALL = 1e-12  # least |A| [1/s]: keeps a logarithm finite
 _EXACT_MODES = 6  # of the geometrically exact beam; a choice
 _ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # of a replay that judges a plan to 1e-9
 _COARSE = {"rtol": 1e-5, "atol": 1e-7}  # of other models, which differ by more
@@ -53,8 +52,38 @@ class Motion:
     small_deformation_until: float = np.inf
 
 
-def played(problem: SlewProblem, history: TorqueProfile, samples: int = _SAMPLES) -> tuple[Motion, ...]:
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A torque before it is judged; what is known of its optimality, and how it was found.
+
+    Attributes
+    ----------
+    history : TorqueProfile
+    method : str
+    gap : float
+        Distance from the least cost there is, relative; infinite where nothing tells it.
+    optimality : str
+    programme, solution : object or None
+        Of a programme that was solved.
+    motions : tuple of Motion or None
+        The replay; None where it was not replayed.
+    stages : tuple of str
+        What was tried, in words.
+    """
+
+    history: TorqueProfile
+    method: str
+    gap: float
+    optimality: str
+    programme: Any = None
+    solution: Any = None
+    motions: tuple[Motion, ...] | None = None
+    stages: tuple[str, ...] = ()
+
+
+def played(problem: SlewProblem, history: TorqueProfile) -> tuple[Motion, ...]:
     """Play a torque back on all plants of a problem; where their motion is limited, every vibration is seen."""
+    samples, widths = _SAMPLES, np.diff(history.edges)
     if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
         turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
         if _IN_PERIOD * turns > _MOST_SAMPLES:
@@ -63,113 +92,57 @@ def played(problem: SlewProblem, history: TorqueProfile, samples: int = _SAMPLES
                 " vibration: between them it may exceed them; fewer modes or a shorter slew are judged closely"
             )
         samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
-    t = np.unique(np.concatenate([np.linspace(0.0, history.duration, samples), history.edges]))
-    t = t[np.diff(t, prepend=-1.0) > APART * history.duration]
-    t[-1] = history.duration
+    counts = np.ceil(samples * widths / history.duration * (1.0 - SUMMED)).astype(int)  # but for rounding
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    t = np.append(np.repeat(history.edges[:-1], counts) + within * np.repeat(widths / counts, counts), history.duration)
     motions = []
     for plant, own in problem.parts:
-        start = problem.start[own]
         if plant.machine is None:
-            states = _linear_motion(plant, history, start, t)
-            motions.append(Motion(t, states, states @ plant.from_state.T, None))
+            states = _linear_motion(plant, history, problem.start[own], t)
+            motions.append(Motion(t, states, plant.coordinates(states), None))
             continue
-        r = plant.machine.simulate(history, t, plant.to_state @ start, **_ACCURATE)
+        r = plant.machine.simulate(history, t, **_ACCURATE)
         energy = plant.machine.residual_energy(r.states[-1], problem.final_speed)
-        motions.append(Motion(t, r.states, r.states @ plant.from_state.T, energy, r.small_deformation_until))
+        motions.append(Motion(t, r.states, plant.coordinates(r.states), energy, r.small_deformation_until))
     return tuple(motions)
 
 
 def _linear_motion(plant: SlewPlant, history: TorqueProfile, start: Array, times: Array) -> Array:
-    """Linear motion by its Taylor series, in steps between all instants and edges."""
-    knots = np.unique(np.concatenate([times, history.edges]))
-    widths = np.diff(knots)
-    torques, _, slopes = lines_between(history, knots)
-    n, states = plant.n, [start[None]]
-    for first in range(0, widths.size, _AT_ONCE):
-        part = slice(first, first + _AT_ONCE)
-        maps = _taylor_maps(plant, widths[part])
-        pushes = maps[:, :n, n] * torques[part, None] + maps[:, :n, n + 1] * slopes[part, None]
-        states.append(_one_after_another(maps[:, :n, :n], pushes, states[-1][-1])[1:])
-    return np.concatenate(states)[np.searchsorted(knots, times)] @ plant.to_state.T
-
-
-def _taylor_maps(plant: SlewPlant, steps: Array) -> Array:
-    """What states, a torque and its slope become in each step h [s], K x (n + 2) x (n + 2).
-
-    By Taylor's series of a part of the step, in which ``A h`` is below one half, squared until it is the whole.
-    """
-    longest, size = steps.max(), max(np.abs(np.linalg.eigvals(plant.A)).max(), _SMALL)
-    doublings = max(0, int(np.ceil(np.log2(size * longest / _TURN))))
-    generator = np.zeros((plant.n + 2, plant.n + 2))
-    generator[: plant.n, : plant.n], generator[: plant.n, plant.n], generator[-2, -1] = plant.A, plant.B, 1.0
-    generator *= longest / 2**doublings
-    term, terms = np.eye(plant.n + 2), []
-    for order in range(_TAYLOR):
-        term = term if order == 0 else generator @ term / order
-        terms.append(term.ravel())
-    shares = (steps / longest)[:, None] ** np.arange(_TAYLOR)
-    maps: Array = (shares @ np.array(terms)).reshape(-1, plant.n + 2, plant.n + 2)
-    for _ in range(doublings):
-        maps = maps @ maps
-    return maps
-
-
-def _one_after_another(maps: Array, pushes: Array, start: Array) -> Array:
-    """States ``z_k+1 = maps_k z_k + pushes_k`` from a first one, (K + 1) x n.
-
-    In blocks side by side: what each does to any state, then where each begins, then the states within.
-    """
-    count, n = pushes.shape
-    width = math.isqrt(count) + 1
-    blocks = -(-count // width)
-    every = np.broadcast_to(np.eye(n), (blocks * width, n, n)).copy()
-    every[:count], push = maps, np.zeros((blocks * width, n))
-    push[:count] = pushes
-    every, push = every.reshape(blocks, width, n, n), push.reshape(blocks, width, n, 1)
-    gain, shift = np.broadcast_to(np.eye(n), (blocks, n, n)), np.zeros((blocks, n, 1))
-    for j in range(width):
-        gain, shift = every[:, j] @ gain, every[:, j] @ shift + push[:, j]
-    z = np.empty((blocks, n, 1))
-    z[0, :, 0] = start
-    for i in range(blocks - 1):
-        z[i + 1] = gain[i] @ z[i] + shift[i]
-    states = np.empty((blocks, width, n))
-    for j in range(width):
-        z = every[:, j] @ z + push[:, j]
-        states[:, j] = z[..., 0]
-    return np.concatenate([start[None], states.reshape(-1, n)[:count]])
+    """States of a linear plant at instants that include the edges of the torque; exact but for rounding."""
+    first, last, _ = lines_between(history, times)
+    widths, states = np.diff(times), [start[None]]
+    # steps that differ by rounding alone are equally long: their mean
+    _, kind = np.unique(np.round(widths / times[-1], _DIGITS), return_inverse=True)
+    means = np.bincount(kind, widths) / np.bincount(kind)
+    for run in np.split(np.arange(kind.size), np.flatnonzero(np.diff(kind)) + 1):
+        Phi, G, H = linear_hold(plant.A, plant.B[:, None], float(means[kind[run[0]]]))
+        states.append(recursion(Phi, G * first[run] + H * (last - first)[run], states[-1][-1]).T[1:])
+    return np.concatenate(states) @ plant.to_state.T
 
 
 def prescribed_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float:
     """Largest miss of the prescribed end, each condition over its largest size on the way."""
-    end, sizes = _ends(problem, motions)
+    end = np.concatenate([motion.coordinates[-1] for motion in motions])
+    sizes = np.concatenate([np.abs(motion.coordinates).max(axis=0) for motion in motions])
+    scale = np.abs(problem.ends) @ np.maximum(sizes, np.abs(problem.target))
     miss = np.abs(problem.ends @ (end - problem.target))
-    scale = np.abs(problem.ends) @ sizes
     return float((miss / np.where(scale > 0.0, scale, 1.0)).max())
 
 
 def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, float]:
-    """What is left of the motion in coordinates that planning does not prescribe, for the linear torque does not move them.
+    """What is left of the axial motion of beams, which planning does not prescribe, by the names of its states.
 
-    By the names of the plants' coordinates: those of a beam are its modes in the order of their frequencies, the rigid one
-    0. Each deviation from the target over its coordinate's largest size on the way, and of mode and rate the larger one.
+    Each deviation from steady rotation over its state's largest size on the way.
     """
-    end, sizes = _ends(problem, motions)
-    left = np.abs(end - problem.target) / np.where(sizes > 0.0, sizes, 1.0)
     result = {}
-    for k, (plant, own) in enumerate(problem.parts):
-        half = plant.n // 2
+    for k, (plant, motion) in enumerate(zip(problem.plants, motions, strict=True)):
         payload = f" with payload {k}" if k else ""
-        for mode in np.flatnonzero(~plant.controllable[:half]):
-            result[f"mode {mode}{payload}"] = float(max(left[own][mode], left[own][mode + half]))
+        for i in plant.axial:
+            assert plant.machine is not None
+            steady = plant.machine.steady_state(problem.final_speed)[i]
+            size = max(np.abs(motion.states[:, i]).max(), abs(steady)) or 1.0
+            result[f"{plant.machine.state_labels[i]}{payload}"] = float(abs(motion.states[-1, i] - steady) / size)
     return result
-
-
-def _ends(problem: SlewProblem, motions: tuple[Motion, ...]) -> tuple[Array, Array]:
-    """Coordinates of all plants at the end, and their largest sizes on the way."""
-    end = np.concatenate([motion.coordinates[-1] for motion in motions])
-    sizes = np.concatenate([np.abs(motion.coordinates).max(axis=0) for motion in motions])
-    return end, np.maximum(sizes, np.abs(problem.target))
 
 
 def _followed(
@@ -216,30 +189,28 @@ def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion,
 
 
 def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, ...]:
-    """Play a torque back with the other payloads, on FOAM and on the geometrically exact beam; only from rest at 0."""
+    """Play a torque back with the other payloads, on FOAM and on the geometrically exact beam."""
     machine = problem.plants[0].machine
-    if machine is None or np.any(problem.start):
+    if machine is None:
         return ()
-    after = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1)
-
-    def replay(other: Any, name: str, tip_mass: float | None) -> Replay:
-        """What is left at the end."""
+    others: list[tuple[Any, float | None]] = [(machine.with_tip_mass(mass), mass) for mass in problem.tip_masses]
+    if machine.model != "foam":
+        others.append((machine.with_model("foam"), None))
+    others.append((machine.with_model("geometrically-exact", _EXACT_MODES), None))
+    after, replays = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1), []
+    for other, mass in others:
         r = other.simulate(history, after, **_COARSE)
-        angle = 0.0 if problem.angle is None else float(r.hub_angle[0]) - problem.angle
         energy = other.residual_energy(r.states[0], problem.final_speed) if is_machine(other) else None
         if energy is None and problem.final_speed == 0.0:
             energy = float(r.energy[0])
-        swing = float(np.abs(r.tip_displacement).max())
-        return Replay(
-            model=name,
-            tip_mass=tip_mass,
-            angle_error=angle,
-            speed_error=float(r.hub_speed[0]) - problem.final_speed,
-            residual_vibration=swing,
-            residual_energy=energy,
+        replays.append(
+            Replay(
+                model=other.model,
+                tip_mass=mass,
+                angle_error=0.0 if problem.angle is None else float(r.hub_angle[0]) - problem.angle,
+                speed_error=float(r.hub_speed[0]) - problem.final_speed,
+                residual_vibration=float(np.abs(r.tip_displacement).max()),
+                residual_energy=energy,
+            )
         )
-
-    payloads = [replay(machine.with_tip_mass(mass), machine.model, mass) for mass in problem.tip_masses]
-    names = [name for name in ("foam", "geometrically-exact") if name != machine.model]
-    others = [replay(machine.with_model(name, _EXACT_MODES if name != "foam" else None), name, None) for name in names]
-    return (*payloads, *others)
+    return tuple(replays)

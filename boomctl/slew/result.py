@@ -73,10 +73,9 @@ class SlewCertificate:
         Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
         on the way.
     prescribed_terminal_error : float
-        The same for what planning prescribes: all but what the torque does not move in the linear part, as the axial
-        motion of FOAM. This is held to the tolerance.
+        The same for what planning prescribes: all but axial motion. This is held to the tolerance.
     free_terminal_errors : dict of str to float
-        The same for the coordinates that planning leaves free, the modes in the order of their frequencies.
+        The same for the axial coordinates and rates of a beam, which planning leaves free, by their names.
     constraint_violation : float
         Largest relative excess over any limit in the replay, local maxima between its times included; 0 if there is none.
     active_constraints : dict of str to float
@@ -174,7 +173,7 @@ class SlewResult(Summarized, TimeSeries):
     torque_profile : TorqueProfile
         The torque as a function of time.
     plan : object
-        What `resolve` and `track` start from.
+        What `replan` and `track` start from.
     stages : tuple of str
         The ways that were tried to find it, in order, each in words; the last one found it.
     small_deformation_until : float
@@ -262,8 +261,7 @@ class SlewResult(Summarized, TimeSeries):
         Returns
         -------
         tuple of Replay
-            One for each: how far it is off at the end, and how much it vibrates then.  None of a linear system, nor of a plan
-            that does not begin at rest.
+            One for each: how far it is off at the end, and how much it vibrates then.  None of a linear system.
 
         Examples
         --------
@@ -347,23 +345,18 @@ class SlewResult(Summarized, TimeSeries):
 
         if self.plan is None:
             raise ValueError("slew: expected one that was planned by optimal_slew")
-        problem = self.plan.problem
         return tracked_slew(
-            problem.plants[0],
-            self.torque_profile,
-            self.states[0],
-            problem.limits.torque,
-            problem.final_speed,
+            self,
             sample_time=sample_time,
             torque_limit=torque_limit,
-            settle=dwell_time,
+            dwell_time=dwell_time,
             measurements=measurements,
             sensors=sensors,
             noise=noise,
-            error_weight=tracking_weight,
+            tracking_weight=tracking_weight,
             integral_time=integral_time,
             disturbance=disturbance,
-            model_error=stiffness_uncertainty,
+            stiffness_uncertainty=stiffness_uncertainty,
         )
 
     def _outputs(self) -> dict[str, Array]:

@@ -40,8 +40,7 @@ from boomctl.slew.feedback import (
     weights,
 )
 from boomctl.slew.monte_carlo import TrackingStudy, drawn
-from boomctl.slew.plant import SlewPlant
-from boomctl.slew.torque import TorqueProfile
+from boomctl.slew.result import SlewResult
 from boomctl.threads import one_blas_thread
 
 _FEWEST = 8  # samples of a slew at least: fewer would not follow it
@@ -49,7 +48,6 @@ _SETTLE = 4.0  # slowest periods for which the plant is followed after the end, 
 _JUDGED = 1.5  # slowest periods after the end in which a vibration is looked for, as after every other slew
 _RESERVE = 1.5  # largest torque over that of the planning, unless it is said: a slew of least time leaves none
 _DISTURBED = 0.1  # share of the largest torque by which an observer takes it to be disturbed (a choice)
-_REST = 1e-12  # largest entry of a state that is at rest: rounding of coordinates changed to and fro
 _LEAST_WEIGHT = 1e-9  # of errors beside the torque, and one over the largest: beyond, digits are lost (a choice)
 _MOST_SAMPLES = 1e5  # of a slew: each has a matrix of its own (a choice)
 _MOST_RUNS = 100_000  # of a study: more do not fit into the memory (a choice)
@@ -86,8 +84,6 @@ class TrackedSlew:
         Standard deviations of the measurements; empty where the states are known.
     plant : hub-beam
         The one planned for.
-    initial_state : ndarray, n
-        State in which the plan begins.
     sensors : tuple of BeamSensor
         Its further sensors.
     """
@@ -104,7 +100,6 @@ class TrackedSlew:
     time_constant: float
     noise: dict[str, float]
     plant: Any
-    initial_state: Array
     sensors: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
@@ -154,7 +149,7 @@ class TrackedSlew:
         delay, rate_limit, quantization, rtol, atol
             As of :func:`boomctl.simulate_loop`.
         initial_state : (n,) array_like, optional
-            State at the first instant; by default that of the plan.
+            State at the first instant; by default rest, as of the plan.
 
         Returns
         -------
@@ -190,7 +185,7 @@ class TrackedSlew:
             control_limit=self.torque_limit,
             rate_limit=rate_limit,
             quantization=quantization,
-            initial_state=self._start(true) if initial_state is None else initial_state,
+            initial_state=initial_state,
             noise=(self.noise or None) if noise is None else noise,
             seed=seed,
             reference={name: self.reference[name] for name in controller.input_labels},
@@ -285,17 +280,27 @@ class TrackedSlew:
         job_count(n_jobs)
         import joblib  # which no other use of a slew needs
 
-        options = {
-            "feedback": reacts, "friction_smoothing_speed": friction_smoothing_speed, "noise": noise, "delay": delay,
-            "rate_limit": rate_limit, "rtol": rtol, "atol": atol,
-        }  # fmt: skip
-        tasks = (
-            joblib.delayed(_run_of)(self, {name: float(row[i]) for name, row in given.items()}, int(seeds[i]), options)
-            for i in range(count)
-        )
+        def run(i: int) -> tuple[Array, float]:
+            """Outputs of one machine, the torque last, and their error [m]."""
+            mass, stiffness, rubbing, push = (float(row[i]) for row in given.values())
+            loop = self.simulate(
+                self.plant.with_tip_mass(mass).with_stiffness_factor(stiffness),
+                feedback=reacts,
+                disturbance={"disturbance_torque": push},
+                friction=rubbing,
+                friction_smoothing_speed=friction_smoothing_speed,
+                noise=noise,
+                seed=int(seeds[i]),
+                delay=delay,
+                rate_limit=rate_limit,
+                rtol=rtol,
+                atol=atol,
+            )
+            return np.array([*(loop[name] for name in _KEPT), loop.controls["torque"]]), loop.error_estimate
+
         result: list[tuple[Array, float]] = []
         with computing("machines that follow a slew"):
-            for item in joblib.Parallel(n_jobs, return_as="generator")(tasks):
+            for item in joblib.Parallel(n_jobs, return_as="generator")(joblib.delayed(run)(i) for i in range(count)):
                 result.append(item)
                 tell("runs", len(result), count)
         rows = np.array([outputs for outputs, _ in result]).swapaxes(0, 1)
@@ -359,16 +364,6 @@ class TrackedSlew:
             *none, self.controller.input_labels, self.controller.output_labels, self.controller.dt
         )
 
-    def _start(self, true: Any) -> Array | None:
-        if np.abs(self.initial_state).max() <= _REST:
-            return None
-        names = tuple(getattr(true, "state_labels", ()))
-        if names != tuple(self.plant.state_labels):
-            raise ValueError(
-                "initial_state: expected a state, for the plan does not begin at rest and the machine has other states"
-            )
-        return self.initial_state
-
     def _disturbances(self, given: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
         if given is None:
             return None
@@ -376,52 +371,27 @@ class TrackedSlew:
         return {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in rows.items()}
 
 
-def _run_of(
-    tracked: TrackedSlew, drawn_values: Mapping[str, float], seed: int, options: Mapping[str, Any]
-) -> tuple[Array, float]:
-    """Return the outputs of one machine that follows a slew, the torque last, and their error [m]."""
-    machine = tracked.plant.with_tip_mass(drawn_values["tip_mass"]).with_stiffness_factor(drawn_values["stiffness"])
-    disturbance = {"disturbance_torque": drawn_values["disturbance_torque"]}
-    run = tracked.simulate(machine, disturbance=disturbance, friction=drawn_values["friction"], seed=seed, **options)
-    return np.array([*(run[name] for name in _KEPT), run.controls["torque"]]), run.error_estimate
-
-
 def tracked_slew(
-    plant: SlewPlant,
-    history: TorqueProfile,
-    start: Array,
-    planned_limit: float,
-    final_speed: float,
+    slew: SlewResult,
     *,
     sample_time: float,
     torque_limit: float | None,
-    settle: float | None,
+    dwell_time: float | None,
     measurements: str | Sequence[str] | None,
     sensors: Sequence[Any],
     noise: Levels,
-    error_weight: float,
+    tracking_weight: float,
     integral_time: float | None,
     disturbance: float | None,
-    model_error: float,
+    stiffness_uncertainty: float,
 ) -> TrackedSlew:
-    """Return a plan with feedback along it; the arguments are those of `SlewResult.track`.
-
-    Parameters
-    ----------
-    plant : SlewPlant
-    history : TorqueProfile
-        The torque planned.
-    start : ndarray, n
-        State in which the plan begins.
-    planned_limit : float
-        Largest torque of the planning, N m.
-    final_speed : float
-        Hub speed at the end, rad/s.
-    """
+    """Return a plan with feedback along it; the arguments are those of `SlewResult.track`."""
+    history, problem = slew.torque_profile, slew.plan.problem
+    plant, planned_limit = problem.plants[0], problem.limits.torque
     machine: Any = plant.machine
     if machine is None:
         raise TypeError("slew: expected one of a hub-beam; that of a linear system follows no nonlinear plan")
-    rest = _SETTLE * plant.period if settle is None else nonnegative("settle", settle)
+    rest = _SETTLE * plant.period if dwell_time is None else nonnegative("dwell_time", dwell_time)
     if (history.duration + rest) / positive("sample_time", sample_time) > _MOST_SAMPLES:
         raise ValueError(
             f"sample_time = {sample_time:g}: expected at most {_MOST_SAMPLES:g} samples, settling included"
@@ -448,32 +418,32 @@ def tracked_slew(
         )
     if measurements is None and noise is not None:
         raise ValueError("noise: expected None without measurements, for the states are known then")
+    linear = machine._linear(problem.final_speed)
     torques = np.concatenate([history.interval_means(time[: count + 1]), np.zeros(after)])
-    motion = machine.simulate(history, time, start)
+    motion = machine.simulate(history, time)
     states = motion.states @ modes.from_state.T
     along = linearized_along(
         modes, [modes.output_labels.index(name) for name in wanted], states[: count + 1], torques[:count], step
     )
     tuning = Tuning(
         limit=limit,
-        error_weight=within("error_weight", error_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT),
+        error_weight=within("tracking_weight", tracking_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT),
         integral_time=None if integral_time is None else positive("integral_time", integral_time),
         noise=None if measurements is None else level,
         disturbance=positive("disturbance", _DISTURBED * limit if disturbance is None else disturbance),
-        model_error=within("model_error", model_error, 0.0, 1.0),
+        model_error=within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0),
     )
     with np.errstate(all="ignore"):  # weights beyond all numbers are told below
-        K = regulator(along, weights(modes, along, states[: count + 1]), tuning, step)
+        K = regulator(along, weights(along, linear.C[[0, 2]] @ modes.to_state, states[: count + 1]), tuning, step)
         F = observer(modes, along, states[: count + 1], tuning, step)
     if not (np.isfinite(K).all() and np.isfinite(F).all()):
         raise ValueError(
-            "noise, disturbance, error_weight: there are no gains for these; expected numbers nearer to each other"
+            "noise, disturbance, tracking_weight: there are no gains for these; expected numbers nearer to each other"
         )
     push = np.zeros((len(modes.input_labels), len(time)))
     push[0, 1:] = torques
     outputs = np.array(modes.read.map(len(time))(states.T, push)[0])
     controller = controller_along(along, K, F, wanted, modes.input_labels[0], step)
-    linear = machine._linear(final_speed)
     return TrackedSlew(
         controller=controller,
         time_constant=slowest_pole(modes, along, controller, linear, integral_time is not None),
@@ -487,6 +457,5 @@ def tracked_slew(
         planning_torque_limit=planned_limit,
         noise={} if measurements is None else dict(zip(wanted, level.tolist(), strict=True)),
         plant=machine,
-        initial_state=start,
         sensors=places,
     )

@@ -10,10 +10,9 @@ from boomctl.slew import replan
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.interval import Units
-from boomctl.slew.nlp.programme import prepare
+from boomctl.slew.nlp.programme import prepare, solve
 from boomctl.slew.nlp.refinement import refined
-from boomctl.slew.nlp.transcription import Scheme, transcribe
-from boomctl.slew.objectives import OBJECTIVES
+from boomctl.slew.nlp.transcription import transcribe
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import played, prescribed_error
 from tests.profiles import examples
@@ -99,8 +98,8 @@ def test_collocation_of_points_is_of_twice_that_order(beam, points):
     problem, errors = slew_problem(beam, ANGLE, Limits(LIMIT), "effort", 3.6), []
     for intervals in (40, 80):
         guess = guess_from(problem, least_effort(problem, 3.6, intervals).history, intervals)
-        programme = prepare(problem, Scheme("effort", intervals, points), guess, 1e-9)
-        errors.append(prescribed_error(problem, played(problem, programme.solve(problem, guess).history)))
+        found = solve(prepare(problem, intervals, points, guess), problem, guess, problem.limits)
+        errors.append(prescribed_error(problem, played(problem, found.history)))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0 * points, abs=0.5)
 
 
@@ -128,11 +127,10 @@ _PAYLOAD = {"tip_masses": (0.2,)}
 def test_derivatives_of_a_programme_are_those_of_casadi(model, objective, limits, ask):
     h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model=model, modes=1) if model != "linear" else rigid(50.0)
     problem = slew_problem(h, 1.0, Limits(LIMIT, **limits), objective, None if objective == "time" else 4.0, **ask)
-    rng, ramp = np.random.default_rng(0), OBJECTIVES[objective].continuous
-    scheme = Scheme(objective, 4, 2, ramp, objective == "time", tuple(problem.limits.beside_torque))
+    rng = np.random.default_rng(0)
     sizes = rng.uniform(0.5, 2.0, problem.start.size)
-    t = transcribe(problem.parts, problem.ends, scheme, Units(sizes, 100.0, 2.0, 0.3))
-    x, p = 0.1 * rng.standard_normal(t.layout.size) + 0.5, rng.uniform(0.5, 2.0, 1 + len(scheme.limits))
+    t = transcribe(problem, 4, 2, Units(sizes, 100.0, 2.0, 0.3))
+    x, p = 0.1 * rng.standard_normal(t.layout.size) + 0.5, rng.uniform(0.5, 2.0, t.nlp.size1_in(1))
     m = rng.standard_normal(t.nlp.size1_out(1))
     outputs, aux = ["grad:f:x", "jac:g:x", "triu:hess:gamma:x:x"], {"gamma": ["f", "g"]}
     known = t.nlp.factory("known", ["x", "p", "lam:f", "lam:g"], outputs, aux)
@@ -158,8 +156,8 @@ def test_solving_again_with_other_data(beam):
 def _programme(h, angle, limits, duration, intervals, **ask):
     """The least effort that a programme finds on a mesh, which knows nothing of closed forms."""
     problem = slew_problem(h, angle, limits, "effort", duration, intervals=intervals, **ask)
-    found = refined(problem, None)
-    return found.solution.history, found.gap
+    found = refined(problem, least_effort(problem, duration, intervals).history)
+    return found.history, found.gap
 
 
 def test_payloads_come_to_rest_together():
@@ -257,14 +255,9 @@ def test_a_replay_is_asked_for_by_a_method_and_kept():
     assert slew.replay() is found
 
 
-def test_a_long_replay_goes_in_parts_and_says_where_it_looks_less_closely(monkeypatch):
-    """The motion is the same in parts; limits that cannot be seen at every vibration are told."""
+def test_a_long_replay_says_where_it_looks_less_closely(monkeypatch):
     plant = bc.hub_beam(modes=3).linearize()
     asked = {"duration": 6.0, "objective": "effort", "speed_limit": 1.0}
-    whole = bc.optimal_slew(plant, ANGLE, LIMIT, **asked)
-    monkeypatch.setattr("boomctl.slew.replay._AT_ONCE", 300)
-    parts = bc.optimal_slew(plant, ANGLE, LIMIT, **asked)
-    assert parts.hub_angle == pytest.approx(whole.hub_angle, abs=1e-12)
     monkeypatch.setattr("boomctl.slew.replay._MOST_SAMPLES", 1200)
     with pytest.warns(UserWarning, match="in a period of the fastest vibration"):
         bc.optimal_slew(plant, ANGLE, LIMIT, **asked)

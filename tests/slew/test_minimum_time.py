@@ -224,9 +224,9 @@ def test_the_rigid_body_with_its_slowest_vibration_turns_in_the_least_time(angle
 def test_the_switching_function_is_the_costate_carried_back(modes):
     problem = slew_problem(bc.hub_beam(modes=modes).linearize(), 1.0, Limits(200.0))
     found = least_time(problem)
-    for t in (np.linspace(0.1, found.duration, 57), found.duration * np.array([0.1, 0.2, 0.25, 0.9])):
-        direct = [found.costate @ linalg.expm((found.duration - at) * problem.A) @ problem.B for at in t]
-        assert switching_function(problem, found, t) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
+    t = np.linspace(0.1, found.duration, 57)
+    direct = [found.costate @ linalg.expm((found.duration - at) * problem.A) @ problem.B for at in t]
+    assert switching_function(problem, found, t) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
 
 
 def test_a_linear_replay_is_exact_under_torques_that_are_held_or_straight():
@@ -265,6 +265,6 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
     assert_allclose(loaded.simulate(slew.torque_profile, slew.time).hub_angle, played.hub_angle, atol=1e-12)
     with pytest.raises(TypeError, match="timepts: expected instants"):
         loaded.simulate(slew.torque_profile)
-    moving = bc.optimal_slew(beam, 0.5, 200.0, initial_state=[0.0, 0.0, 0.1, 0.0], final_state=None)
+    moving = bc.optimal_slew(beam.linearize(), 0.5, 200.0, initial_state=[0.0, 0.0, 0.1, 0.0])
     with pytest.raises(ValueError, match="initial_state: expected the state that the slew begins with"):
         loaded.simulate(moving)

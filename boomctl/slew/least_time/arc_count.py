@@ -1,5 +1,8 @@
 """How many arcs a nonlinear plant's fastest torque has: linear programmes along its motion, one after the other."""
 
+from itertools import groupby
+from operator import itemgetter
+
 import numpy as np
 from scipy.optimize import linprog
 
@@ -14,10 +17,6 @@ _FARTHEST = 0.05  # share of the duration by which one programme may change it: 
 _PENALTY = 100.0  # of a scaled defect of the end, beside a relative change of the duration: left only at need
 _STEP = 1.5  # rad that a step turns at most: half again as long as for the answer, for a grid asks for no more
 _SETTLED, _MET = 1e-7, 1e-5  # relative change of the duration, and defect of the end, at which the programmes end
-
-
-class ArcOverflowError(SlewError):
-    """The motion on the way grows beyond all numbers."""
 
 
 def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile | None:
@@ -36,7 +35,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
         steps = Steps(np.repeat(values * limit, parts), np.full(count, duration / count), np.zeros((count, 0)))
         result = ends.sensitivity(steps)
         if not (np.isfinite(result.by_torque).all() and np.isfinite(result.by_width).all()):
-            raise ArcOverflowError(
+            raise SlewError(
                 f"torque_limit = {limit:g} N m: bends the plant until its motion overflows; expected a smaller one, or "
                 "a start nearer to rest"
             )
@@ -71,34 +70,21 @@ def _linear_programme(defect: Array, push: Array, longer: Array, values: Array) 
 
 def arcs_behind(values: Array, duration: float, limit: float) -> TorqueProfile:
     """The bang-bang torque behind shares of the limit held on equal intervals: between full ones the mean decides."""
-    h, full = duration / values.size, np.abs(values) > AT_LIMIT
-    edges, signs, k = [0.0], [], 0
-
-    def join(length: float, sign: float) -> None:
-        if signs and signs[-1] == sign:
-            edges[-1] += length
-        elif length > 0.0:
-            edges.append(edges[-1] + length)
-            signs.append(sign)
-
-    while k < values.size:
-        if full[k]:
-            join(h, float(np.sign(values[k])))
-            k += 1
-            continue
-        last = k
-        while last + 1 < values.size and not full[last + 1]:
-            last += 1
-        before = signs[-1] if signs else float(np.sign(values[k]) or 1.0)
-        after = float(np.sign(values[last + 1])) if last + 1 < values.size else before
-        length, mean = (last + 1 - k) * h, float(np.mean(values[k : last + 1]))
+    kind = np.where(np.abs(values) > AT_LIMIT, np.sign(values), 0.0)
+    first = np.flatnonzero(np.diff(kind, prepend=np.nan))
+    signs, counts = kind[first], np.diff(first, append=values.size)
+    arcs: list[tuple[float, float]] = []  # signs and lengths
+    for k, (sign, mean) in enumerate(zip(signs, np.add.reduceat(values, first) / counts, strict=True)):
+        length = float(counts[k]) * duration / values.size
+        before = arcs[-1][0] if arcs else float(sign or np.sign(values[0]) or 1.0)
+        after = float(signs[k + 1]) if k + 1 < signs.size else before
         own = 0.5 * length * (1.0 + before * mean)  # of the sign before
-        if before == after:
-            join(0.5 * own, before)
-            join(length - own, -before)
-            join(0.5 * own, before)
+        if sign:
+            arcs.append((float(sign), length))
+        elif before == after:
+            arcs += [(before, 0.5 * own), (-before, length - own), (before, 0.5 * own)]
         else:
-            join(own, before)
-            join(length - own, after)
-        k = last + 1
-    return held(np.array(edges), limit * np.array(signs))
+            arcs += [(before, own), (after, length - own)]
+    joined = [(sign, sum(length for _, length in same)) for sign, same in groupby(arcs, key=itemgetter(0))]
+    edges = np.cumsum([0.0, *(length for _, length in joined)])
+    return held(edges, limit * np.array([sign for sign, _ in joined]))

@@ -11,15 +11,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.dynamics import kind_of, rates_of
+from boomctl.exceptions import SlewError
+from boomctl.lti.rounding import SUMMED
 from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
-from boomctl.slew.least_time.arc_count import ArcOverflowError, counted
-from boomctl.slew.plant import SlewPlant
+from boomctl.slew.least_time.arc_count import counted
 from boomctl.slew.problem import SlewProblem
+from boomctl.slew.replay import Candidate
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
-_GRIDS = (200, 600, 1800)  # intervals on which arcs are counted, the next where the switching function is still wrong
+_GRIDS = (200, 600)  # intervals on which arcs are counted, the next where the switching function is still wrong
 _NEWTON = 40  # steps of Newton's method at most; a safeguard
 _PATIENCE = 5  # steps without nearing the end, as long as it is _FAR
 _FAR = 1e-3  # defect of the scaled end from which Newton's method may still be given up
@@ -33,27 +33,8 @@ _SETTLED = 1e-11  # scaled defect of the end, and move over the duration, at whi
 _FLAT = 1e-12  # share of the duration that other durations may promise
 _ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong sign promises
 _POSITIVE, _ROOM = 0.8, 0.1  # share of an arc that a move may take away; share of the duration that it may change
+_EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
 _CURVED = 1e-8  # least curvature over the largest: keeps flat directions finite
-_PROBES = 3  # random states at which the equations are mirrored: one would do but for chance
-
-
-@dataclass(frozen=True, eq=False)
-class ArcSlew:
-    """A bang-bang slew of a nonlinear plant.
-
-    Attributes
-    ----------
-    history : TorqueProfile
-    gain : float
-        Time that the switching function says could be gained where its sign is not the torque's, that the end's defect
-        is worth, and that other durations promise, over the duration.
-    stages : tuple of str
-        What was done, in words.
-    """
-
-    history: TorqueProfile
-    gain: float
-    stages: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +42,7 @@ class _Arcs:
     """Durations of a bang-bang torque's arcs [s] and the sign of the first; what is known of its optimality.
 
     Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end; the time [s] that
-    other durations promise to save, and that where the switching function has the wrong sign.
+    other durations promise to save, and that where the switching function has the wrong sign, over the duration.
     """
 
     durations: Array
@@ -70,7 +51,7 @@ class _Arcs:
     weights: Array = field(default_factory=lambda: np.zeros(0))
     hessian: Array = field(default_factory=lambda: np.zeros((0, 0)))
     promised: float = np.inf
-    wrong_sign: float = np.inf
+    wrong: float = np.inf
 
     @staticmethod
     def of(history: TorqueProfile) -> "_Arcs":
@@ -90,20 +71,33 @@ class _Arcs:
         return replace(self, durations=np.concatenate([d[: k - 1], [d[k - 1] + d[k + 1]], d[k + 2 :]]))
 
 
-def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> ArcSlew | None:
-    """Lead a bang-bang torque to the end in least time; None if none is found; raise where motions overflow.
+def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candidate | None, tuple[str, ...]]:
+    """Lead a bang-bang torque to the end in least time; None where that is no extremal; and what was done.
 
-    Where the second half of the slew mirrors the first, only that is sought.
+    Where the second half of the slew mirrors the first, only that is sought. The gap is the time that the switching
+    function says could be gained where its sign is not the torque's, that the end's defect is worth, and that other
+    durations promise, over the duration.
     """
     half = halved(problem)
     ends = end_map(half or problem, first)
-    arcs, counting = _with_right_signs(ends, first_half(first) if half else first)
-    answer = None if arcs is None else _refined(ends, arcs)
-    if answer is None:
-        return None
-    if half:
-        return replace(answer, history=doubled(answer.history), stages=("first half", *counting))
-    return replace(answer, stages=counting)
+    start = first_half(first) if half else first
+    found, stages = _stationary(ends, _Arcs.of(start), 1), ("durations of arcs", *(["first half"] if half else []))
+    for intervals in _GRIDS:
+        if found is not None and found.wrong < _ENOUGH * problem.planning_rtol:
+            break
+        try:
+            torque = counted(ends, start if found is None else found.history(problem.limits.torque), intervals)
+        except SlewError:  # a motion overflows
+            if found is None:
+                raise
+            break
+        more = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
+        found = min((item for item in (more, found) if item is not None), key=lambda item: item.wrong, default=None)
+        stages = (*stages, f"arcs counted on {intervals} intervals")
+    result = None if found is None else _refined(ends, found)
+    if result is None or result.gap >= _EXTREMAL:
+        return None, ("durations of arcs: none found",)
+    return (replace(result, history=doubled(result.history)) if half else result), stages
 
 
 def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorqueProfile | None:
@@ -114,34 +108,9 @@ def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorquePro
     return replace(arcs, durations=d).history(ends.problem.limits.torque) if d.min() > _shortest(ends, d) else None
 
 
-def _with_right_signs(ends: EndMap, start: TorqueProfile) -> tuple[_Arcs | None, tuple[str, ...]]:
-    """Stationary durations whose switching function has the torque's sign, or of all that were found the most of it.
-
-    First with the arcs of the torque given; as long as the sign is wrong, with arcs counted on finer and finer grids. What
-    was done comes with them.
-    """
-    best, gain, overflow, stages = None, np.inf, None, ()
-    for intervals in (0, *_GRIDS):
-        try:
-            torque = start if intervals == 0 else counted(ends, start, intervals)
-        except ArcOverflowError as error:
-            overflow = error
-            continue
-        result = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
-        if result is not None and result.wrong_sign / float(result.durations.sum()) < gain:
-            best, gain = result, result.wrong_sign / float(result.durations.sum())
-            start = result.history(ends.problem.limits.torque)
-        stages = (*stages, f"arcs counted on {intervals} intervals") if intervals else stages
-        if gain < _ENOUGH * ends.problem.rtol:
-            break
-    if best is None and overflow is not None:
-        raise overflow
-    return best, stages
-
-
-def _refined(ends: EndMap, found: _Arcs) -> ArcSlew | None:
+def _refined(ends: EndMap, found: _Arcs) -> Candidate | None:
     """Halve the steps until the end stays where it is."""
-    tolerance, error, finer = ends.problem.rtol, np.inf, 1
+    tolerance, error, finer = ends.problem.planning_rtol, np.inf, 1
     while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
         finer *= 2
         near, error = _corrected(ends, found, finer)
@@ -155,7 +124,8 @@ def _refined(ends: EndMap, found: _Arcs) -> ArcSlew | None:
         return None
     history = settled.history(ends.problem.limits.torque)
     worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
-    return ArcSlew(history, (settled.wrong_sign + settled.promised + worth) / history.duration, ())
+    gap = settled.wrong + (settled.promised + worth) / history.duration
+    return Candidate(history, "switching times", gap, "extremal")
 
 
 def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
@@ -215,7 +185,7 @@ def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
         before, size = size, float(np.abs(onto + beside).max() / total)
         flat = promised < _FLAT * total
         if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised, wrong_sign=reached.wrong_sign)
+            return replace(found, promised=promised, wrong=reached.wrong_sign / total)
         d = _moved(found.durations, onto)
         found = replace(found, durations=d if flat else _moved(d, beside))
         if found.durations.min() < _shortest(ends, found.durations):
@@ -247,35 +217,14 @@ def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Ar
 def halved(problem: SlewProblem) -> SlewProblem | None:
     """The way to the middle of a slew whose second half is the mirror image of its first; None where there is none.
 
-    Without damping, and with the same rates at start and target, ``u(t) = -u(T - t)`` and positions turned about the middle
-    lead back in time as they lead on. The way to T/2 must then end with the positions in the middle, the rates are free.
+    Of beams without damping, from rest to rest, ``u(t) = -u(T - t)`` and positions turned about the middle lead back in time
+    as they lead on. The way to T/2 must then end with the positions in the middle, the rates are free.
     """
-    prescribed = sum(plant.n - (2 if k else 0) for k, plant in enumerate(problem.plants))
-    if problem.angle is None or problem.ends.shape[0] != prescribed:
+    damped = any(np.any(plant.A[plant.n // 2 :, plant.n // 2 :]) for plant in problem.plants)
+    if problem.linear or problem.angle is None or problem.final_speed or damped:
         return None
-    rows, target = [], 0.5 * (problem.start + problem.target)
-    for k, (plant, own) in enumerate(problem.parts):
-        half = plant.n // 2
-        start, end = problem.start[own], problem.target[own]
-        if np.any(start[half:] != end[half:]) or not _reversible(plant, start + end):
-            return None
-        rows.append(np.eye(target.size)[own.start + np.arange(1 if k else 0, half)])
-    return replace(problem, ends=np.vstack(rows), target=target)
-
-
-def _reversible(plant: SlewPlant, twice: Array) -> bool:
-    """Whether ``z -> (twice - positions, rates)`` with time and torque reversed leaves the equations of motion alone."""
-    (kind, constants), random, half = kind_of(plant), np.random.default_rng(0), plant.n // 2
-    f = rates_of(kind)
-    shift, turn = np.where(np.arange(plant.n) < half, twice, 0.0), np.repeat([-1.0, 1.0], half)
-    for _ in range(_PROBES):
-        z, u = 0.1 * random.standard_normal(plant.n), float(random.standard_normal()) / np.abs(plant.B).max()
-        here = np.array(f(z, u, constants)).ravel()
-        there = np.array(f(turn * z + shift, -u, constants)).ravel()
-        # of the mirrored equations, relative: far above rounding, far below any damping that matters
-        if np.abs(there + turn * here).max() > ALIKE * np.abs(here).max():
-            return False
-    return True
+    rows = [own.start + np.arange(1 if k else 0, plant.n // 2) for k, (plant, own) in enumerate(problem.parts)]
+    return replace(problem, ends=np.eye(problem.start.size)[np.concatenate(rows)], target=0.5 * problem.target)
 
 
 def first_half(history: TorqueProfile) -> TorqueProfile:

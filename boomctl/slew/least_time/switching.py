@@ -9,32 +9,29 @@ programme on a grid shows how often p changes its sign; Newton's method on the e
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
-from boomctl.lti.rounding import SUMMED
 from boomctl.slew.linear import flow
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, bang_bang
 
 _GRIDS = (200, 600, 2000, 6000)  # intervals, the next where the one before shows no arcs that Newton's method takes
-_BLIND, _SEEN = 3.0, 0.3  # rad that the fastest vibration turns in an interval of the grid
+_BLIND = 3.0  # rad that the fastest vibration turns in an interval of a grid that does not see it
 _BESIDE = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit from which Newton's method starts, the nearest first
-_BRACKET = 0.1  # steps of the logarithm of the time, in which the least is bracketed; a choice
-_BRACKETS = 200  # such steps: e^20 times the guess either way
-_EXACT = 1e-11  # relative accuracy of the least time on a grid, far below what the grid itself costs
 _HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
-_SECANTS = 12  # times tried until the least peak on a grid is about the limit; some five do
+_SECANTS = 12  # times tried at most until the least peak on a grid is about the limit; some five do
+_CAREFUL = 0.05  # step of the logarithm of the time, where times that allow a slew may be few (a choice)
+_FAR = 3.0  # of the logarithm of the time, in which such a time is sought: twenty times the guess (a choice)
 _ROUGHLY = 1e-3  # of the logarithm of the peak, near enough for Newton's method: a fifth of an interval of the grid
-# Least-squares problems for each time tried, whose weights the next goes on from, and after the last (a choice): with 40
-# in all the signs stay, and Newton's method does the rest
-_REWEIGHTED = 20
+_REWEIGHTED = 20  # least-squares problems for each time tried, whose weights the next goes on from (a choice)
 _THIN = 1e-6  # share of the largest |G^T y| below which weights grow no further
-_DECIDED = 0.5  # share of the limit from which a torque on a grid shows its sign
 _NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # largest last step of a time over the duration: to be believed; to be left at once
 _MISSED = 1e-6  # of the end state, by which its conditions may be missed: what a replay is held to
@@ -43,10 +40,6 @@ _TOGETHER = 1e-7  # share of the duration below which two switching times are on
 _AGREE = 1e-6  # size of a switching function of the wrong sign, over its largest, that is rounding at the switches
 _SAMPLES = 4000  # instants at which the signs of torque and switching function are compared; a choice
 _PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is smooth between switches
-
-
-class SwitchesNotFoundError(SlewError):
-    """A torque leads to the end, but the switching times of the fastest were not found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,10 +58,6 @@ class Extremal:
         Of the torque, N m.
     costate : ndarray, n
         At the end, such that the Hamiltonian is 1.
-    residual : float
-        Last step of Newton's method, over the duration.
-    stages : tuple of str
-        What was done beside the usual, in words.
     """
 
     switches: Array
@@ -76,8 +65,6 @@ class Extremal:
     sign: float
     limit: float
     costate: Array
-    residual: float
-    stages: tuple[str, ...] = ("linear switching times",)
 
     @property
     def history(self) -> TorqueProfile:
@@ -93,22 +80,21 @@ def least_time(problem: SlewProblem) -> Extremal:
     SlewError
         If no torque within the limit leads to the end, or the switching times are not found.
     """
-    limits, first = problem.limits, rigid_and_slowest(problem)
+    first = rigid_and_slowest(problem)
     guess = problem.rigid_time if first is None else first.duration
-    try:
-        return _fastest(problem, guess)
-    except SwitchesNotFoundError as failure:
-        # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
-        for factor in _BESIDE:
-            try:
-                beside = replace(problem, limits=replace(limits, torque=factor * limits.torque))
-                near = replace(_fastest(beside, guess), limit=limits.torque)
-            except SlewError:
-                continue
-            result = _merged(problem, _newton(problem, _fitted(problem, near)))
-            if result is not None and misfit(problem, result) < _AGREE:
-                return replace(result, stages=(*result.stages, f"started from {factor:g} of the torque limit"))
-        raise failure
+    found = _fastest(problem, guess)
+    # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
+    for factor in _BESIDE if found is None else ():
+        limits = replace(problem.limits, torque=factor * problem.limits.torque)
+        near = _fastest(replace(problem, limits=limits), guess)
+        if near is not None:
+            near = replace(near, limit=problem.limits.torque)
+            found = _agreeing(problem, _newton(problem, _fitted(problem, near)))
+        if found is not None:
+            break
+    if found is None:
+        raise SlewError("torque_limit: the switching times of the fastest slew within it were not found")
+    return found
 
 
 def time_gap(problem: SlewProblem, found: Extremal) -> float:
@@ -116,75 +102,64 @@ def time_gap(problem: SlewProblem, found: Extremal) -> float:
     return min(1.0, max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found)))
 
 
-def _fastest(problem: SlewProblem, guess: float) -> Extremal:
-    """The least time from a guess of it [s]."""
-    likely = _likely(problem, guess)
-    if likely is not None:
-        return likely
-    best, vibration = None, problem.fastest_vibration
-    for intervals in _GRIDS:
-        turn = vibration * guess / intervals
-        if turn > _BLIND and intervals != _GRIDS[-1]:
-            continue
-        try:
-            duration, values, costate = _grid_solution(problem, guess, intervals)
-        except SlewError:
-            if turn < _SEEN or intervals == _GRIDS[-1]:
-                raise
-            continue
-        guess = duration
-        first = _from_costate(problem, duration, values, costate)
-        result = None if first is None else _merged(problem, _newton(problem, first))
-        if result is not None and misfit(problem, result) < _AGREE:
-            return result
-        best = result or best
-    missing = "none converged" if best is None else f"conditions are missed by {best.residual:.1e}"
-    raise SwitchesNotFoundError(f"minimum time: the switching times could not be found; {missing}")
+def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
+    """The least time from a guess of it [s]: from what reweighted least squares on a grid suggest, or linear programmes.
 
-
-def _likely(problem: SlewProblem, guess: float) -> Extremal | None:
-    """The extremal that reweighted least squares on a grid lead to, where they do: ten times as fast as programmes.
-
-    The least peak of the torque for a given time is the largest ``d^T y`` with ``sum |G^T y| <= 1``; so few unknowns y, one
-    an end condition, are found by solving for the weights ``1/|G^T y|`` again and again.  Nothing is taken on trust:
-    Newton's method and the signs of the switching function judge what comes out.
+    Nothing is taken on trust: Newton's method and the signs of the switching function judge what comes out.
     """
-    logarithms, peaks, weights = [math.log(guess)], [], np.ones(_GRIDS[0])
-    for _ in range(_SECANTS):
-        system = _grid_system(problem, math.exp(logarithms[-1]), _GRIDS[0])
-        if system is None:
-            return None
-        G, d, scale = system
-        result = _least_sum(G, d, weights)
-        if result is None:
-            return None
-        y, weights = result
-        peaks.append(-math.log(float(np.abs(y @ G).sum())))
-        if abs(peaks[-1]) < _ROUGHLY:
-            result = _least_sum(G, d, weights)
-            if result is None:
-                return None
-            y, duration = result[0], math.exp(logarithms[-1])
-            costate = (y / scale) @ problem.ends
-            first = _from_costate(problem, duration, np.sign(y @ G), costate)
-            result = None if first is None else _merged(problem, _newton(problem, first))
-            return result if result is not None and misfit(problem, result) < _AGREE else None
-        if len(peaks) == 1:
-            further = 0.5 * peaks[0]  # of a rigid body, whose least peak falls with the square of the time
-        else:
-            rise = peaks[-1] - peaks[-2]
-            if rise == 0.0:
-                return None
-            further = -peaks[-1] * (logarithms[-1] - logarithms[-2]) / rise
-        logarithms.append(logarithms[-1] + float(np.clip(further, -1.0, 1.0)))
+    grids = _GRIDS if problem.waits else _GRIDS[:1]
+    for intervals, least_sum in ((_GRIDS[0], _reweighted), *((count, _programmed) for count in grids)):
+        if problem.fastest_vibration * guess / intervals > _BLIND and intervals != _GRIDS[-1]:
+            continue
+        first = _on_grid(problem, guess, intervals, least_sum)
+        if first is not None:
+            guess, found = first.duration, _agreeing(problem, _newton(problem, first))
+            if found is not None:
+                return found
     return None
 
 
-def _least_sum(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None:
-    """The y with ``d^T y = 1`` and nearly the least ``sum |G^T y|``, and weights to go on from.
+_LeastSum: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array] | None]
+"""The y with ``d^T y = 1`` and the least ``sum |G^T y|``, and weights to go on from; None where there is none."""
 
-    None where the equations have no solution.
+
+def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _LeastSum) -> Extremal | None:
+    """Switches of torques held on a grid, in the time [s] in which the least peak is about the limit.
+
+    The least peak for a given time is the largest ``d^T y`` with ``sum |G^T y| <= 1``, with few unknowns y, one an end
+    condition; the torque has the sign of ``G^T y``.
     """
+    logarithms, peaks, weights = [math.log(guess)], [], np.ones(intervals)
+    # where more time may be of no use, the least is sought from below
+    longest, tries = (1.0, _SECANTS) if problem.waits else (_CAREFUL, int(_FAR / _CAREFUL))
+    for _ in range(tries):
+        problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
+        duration = math.exp(logarithms[-1])
+        G = problem.ends @ flow(problem).responses(duration, intervals) * problem.limits.torque
+        d = problem.ends @ (problem.target - flow(problem).step(duration)[0] @ problem.start)
+        scale = np.linalg.norm(G, axis=1)
+        if not np.isfinite(G).all() or not np.isfinite(d).all() or scale.min() == 0.0:
+            return None
+        result = least_sum(G / scale[:, None], d / scale, weights)
+        if result is None:
+            return None
+        y, weights = result
+        sums = y / scale @ G
+        peaks.append(-math.log(float(np.abs(sums).sum())))
+        if len(peaks) == 1:
+            further = 0.5 * peaks[0]  # of a rigid body, whose least peak falls with the square of the time
+        elif abs(peaks[-1]) < _ROUGHLY:
+            return _from_costate(problem, duration, (y / scale) @ problem.ends, 2 * intervals)
+        elif peaks[-1] == peaks[-2]:
+            return None
+        else:
+            further = -peaks[-1] * (logarithms[-1] - logarithms[-2]) / (peaks[-1] - peaks[-2])
+        logarithms.append(logarithms[-1] + float(np.clip(further, -longest, longest)))
+    return None
+
+
+def _reweighted(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None:
+    """Nearly the least sum, by least squares with the weights ``1/|G^T y|``: ten times as fast as a linear programme."""
     y = np.zeros(d.size)
     for _ in range(_REWEIGHTED):
         try:
@@ -200,18 +175,33 @@ def _least_sum(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None
     return y, weights
 
 
+def _programmed(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None:
+    """The least sum, by a linear programme for the torque over its limit that leads farthest towards d."""
+    answer = linprog(
+        np.append(np.zeros(weights.size), -1.0),
+        A_eq=np.column_stack([G, -d]),
+        b_eq=np.zeros(d.size),
+        bounds=[(-1.0, 1.0)] * weights.size + [(0.0, None)],
+        method="highs-ds",
+    )
+    # no torque, which leads nowhere, is always a solution: what fails is arithmetic, in times far too short
+    y = answer.eqlin.marginals if answer.status == 0 else np.zeros(d.size)
+    reached = abs(float(y @ d))
+    return (y * np.sign(y @ d) / reached, weights) if reached > 1.0 / _HOPELESS else None
+
+
 def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
     """The fastest turn of a beam with its slowest vibration alone, without damping; None of what is no turn of one beam.
 
     Switches are in the middle, at H, and b before and after it: ``limit / inertia (H^2 - 2 b^2)`` is the angle, and the
     vibration ends with ``cos(w H) - 2 cos(w b) + 1 = 0``, not positive at b = 0, nor negative at a quarter of a period.
     """
-    plant, start = problem.plants[0], problem.start
+    plant = problem.plants[0]
     if len(problem.plants) > 1 or plant.frequencies is None or plant.inertia is None or problem.angle is None:
         return None
-    if problem.final_speed or not (plant.still(start) and plant.still(problem.target)):
+    if problem.final_speed:
         return None
-    turn = float(plant.rows["angle"] @ (problem.target - start))
+    turn = problem.angle
     area, w = abs(turn) * plant.inertia / problem.limits.torque, float(plant.frequencies[1])
     swing = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
     b = float(brentq(swing, 0.0, 0.5 * math.pi / w))
@@ -220,22 +210,9 @@ def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
 
 
 def switching_function(problem: SlewProblem, found: Extremal, t: Array) -> Array:
-    """``p(t) = costate^T exp(A (T - t)) B`` at instants t [s], 1/(N m s); the torque follows its sign."""
-    gaps = np.diff(t)
-    # share of the duration by which instants may be unevenly spaced: rounding
-    if t.size > 1 and gaps[0] > 0.0 and np.ptp(gaps) <= SUMMED * found.duration:
-        last = flow(problem).step(found.duration - float(t[-1]))[0] @ flow(problem).B
-        return (found.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
-    order = np.argsort(-t)
-    row, before, values = found.costate, found.duration, np.empty(t.size)
-    steps: dict[float, Array] = {}
-    for k in order:
-        gap = float(f"{before - t[k]:.13g}")
-        if gap not in steps:
-            steps[gap] = flow(problem).step(gap)[0]
-        row, before = row @ steps[gap], t[k]
-        values[k] = row @ flow(problem).B
-    return values
+    """``p(t) = costate^T exp(A (T - t)) B`` at evenly spaced instants t [s], 1/(N m s); the torque has its sign."""
+    last = flow(problem).step(found.duration - float(t[-1]))[0] @ flow(problem).B
+    return (found.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
 
 
 def lower_bound(problem: SlewProblem, found: Extremal) -> float:
@@ -257,78 +234,14 @@ def lower_bound(problem: SlewProblem, found: Extremal) -> float:
     return found.duration - abs(needed - most)
 
 
-def _grid_solution(problem: SlewProblem, guess: float, intervals: int) -> tuple[float, Array, Array]:
-    """Least time [s] of torques held on equal intervals, the torque over its limit, and the costate."""
-
-    def excess(logarithm: float) -> float:
-        return math.log(_least_peak(problem, math.exp(logarithm), intervals)[0])
-
-    low = high = math.log(guess)
-    value = excess(low)
-    for _ in range(_BRACKETS):
-        if value == 0.0:
-            break
-        further = (high if value > 0.0 else low) + math.copysign(_BRACKET, value)
-        last, value = value, excess(further)
-        low, high = (high, further) if last > 0.0 else (further, low)
-        if last * value <= 0.0:
-            break
-    else:
-        raise SlewError("torque_limit: no torque within it leads to the end state in any time tried")
-    result = brentq(excess, low, high, xtol=_EXACT, rtol=_EXACT) if low < high else low
-    duration = math.exp(float(result))
-    _, values, costate = _least_peak(problem, duration, intervals)
-    return duration, values, costate
-
-
-def _grid_system(problem: SlewProblem, duration: float, intervals: int) -> tuple[Array, Array, Array] | None:
-    """``G u = d`` of torques over their limit on equal intervals, rows of size one, and their size; None if it overflows."""
-    G = problem.ends @ flow(problem).responses(duration, intervals) * problem.limits.torque
-    Phi = flow(problem).step(duration)[0]
-    d = problem.ends @ (problem.target - Phi @ problem.start)
-    scale = np.linalg.norm(G, axis=1)
-    if not np.any(d):
-        raise SlewError("angle: the plant is at its end state already; expected a slew that leads somewhere")
-    if not np.isfinite(G).all() or not np.isfinite(d).all() or scale.min() == 0.0:
-        return None
-    return G / scale[:, None], d / scale, scale
-
-
-def _least_peak(problem: SlewProblem, duration: float, intervals: int) -> tuple[float, Array, Array]:
-    """Least peak of the torque over its limit, the torque over its limit, and the costate, for a given time."""
-    problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
-    system = _grid_system(problem, duration, intervals)
-    if system is None:
-        raise SlewError("torque_limit: no torque within it leads to the end state before the motion overflows")
-    G, d, scale = system
-    answer = linprog(
-        np.append(np.zeros(intervals), -1.0),
-        A_eq=np.column_stack([G, -d]),
-        b_eq=np.zeros(d.size),
-        bounds=[(-1.0, 1.0)] * intervals + [(0.0, None)],
-        method="highs-ds",
-    )
-    # no torque, which leads nowhere, is always a solution: what fails is arithmetic, in times far too short
-    if answer.status != 0 or answer.x[-1] <= 1.0 / _HOPELESS:
-        return _HOPELESS, np.zeros(intervals), np.zeros(problem.start.size)
-    costate = (-answer.eqlin.marginals / scale) @ problem.ends
-    return 1.0 / float(answer.x[-1]), answer.x[:-1], costate
-
-
-def _from_costate(problem: SlewProblem, duration: float, values: Array, costate: Array) -> Extremal | None:
-    """Switches where the grid's costate has its switching function change sign."""
-    if values[np.abs(values) > _DECIDED].size == 0:
-        return None
-    rough = Extremal(np.zeros(0), duration, 1.0, problem.limits.torque, costate, np.inf)
-    t = np.linspace(0.0, duration, 2 * values.size + 1)
+def _from_costate(problem: SlewProblem, duration: float, costate: Array, samples: int) -> Extremal | None:
+    """Switches where the switching function of a costate changes its sign; None where it has no scale."""
+    rough = Extremal(np.zeros(0), duration, 1.0, problem.limits.torque, costate)
+    t = np.linspace(0.0, duration, samples + 1)
     p = switching_function(problem, rough, t)
-    sign = np.sign(values[np.abs(values) > _DECIDED][0])
-    if np.sign(np.sum(p[:-1:2] * values)) < 0.0:
-        costate, p = -costate, -p
     change = np.flatnonzero(np.sign(p[:-1]) * np.sign(p[1:]) < 0)
     share = p[change] / (p[change] - p[change + 1])
-    switches = t[change] + share * (t[1] - t[0])
-    rough = replace(rough, switches=switches, sign=float(sign))
+    rough = replace(rough, switches=t[change] + share * (t[1] - t[0]), sign=float(np.sign(p[0]) or np.sign(p[1])))
     hamiltonian = float(costate @ _end(problem, rough)[1])
     if not np.isfinite(hamiltonian) or hamiltonian == 0.0:
         return None
@@ -362,15 +275,15 @@ def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array, Array]:
     return z, linear.A @ z - linear.B * value, later[:, 1:]
 
 
-def _merged(problem: SlewProblem, found: Extremal | None) -> Extremal | None:
-    """Leave out pairs of switches that coincide, and solve for the rest again."""
+def _agreeing(problem: SlewProblem, found: Extremal | None) -> Extremal | None:
+    """Leave out pairs of switches that coincide, and solve for the rest; None where the torque is not that of the costate."""
     while found is not None and found.switches.size > 1:
         gaps = np.diff(found.switches)
         k = int(np.argmin(gaps))
         if gaps[k] > _TOGETHER * found.duration:
             break
         found = _newton(problem, replace(found, switches=np.delete(found.switches, [k, k + 1])))
-    return found
+    return found if found is not None and misfit(problem, found) < _AGREE else None
 
 
 def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
@@ -389,7 +302,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
         count = result.switches.size
         step = float(np.abs(move[: count + 1]).max() / result.duration)
         if step < size:
-            best, size = replace(result, costate=weights @ ends, residual=float(step)), step
+            best, size = replace(result, costate=weights @ ends), step
             missed = float(np.abs(residual[: ends.shape[0]]).max()) / reached
         elif size < _ROUNDED:
             break

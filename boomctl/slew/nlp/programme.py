@@ -1,17 +1,16 @@
 """Solving a transcribed slew: first guess, bounds, IPOPT, and the answer in the units of the plant."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.exceptions import LimitsTooTightError, SlewError
 from boomctl.printing import compact, count
-from boomctl.slew.deadline import solved
+from boomctl.slew.deadline import SlewDeadline, solved
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.interval import Units
-from boomctl.slew.nlp.transcription import Scheme, Transcription, transcribe
+from boomctl.slew.nlp.transcription import Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held, ramped
@@ -48,147 +47,123 @@ _NEAR = 1e-3  # of a scaled condition: a limit that is nearer is met, in words (
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """An answer: torque history, value of the programme's cost, iterations, multipliers."""
+    """An answer: torque history, value of the programme's cost, iterations, and where a solver starts from it."""
 
     history: TorqueProfile
     cost: float
     nit: int
-    raw: dict[str, Any] = field(repr=False)
+    raw: dict[str, Array] = field(repr=False)
 
     __repr__ = compact
 
 
-@dataclass(frozen=True, eq=False)
-class Programme:
-    """A programme for any data, and the tolerance of the end state in a replay, relative."""
-
-    transcription: Transcription
-    tolerance: float
-
-    __repr__ = compact
-
-    def solve(self, problem: SlewProblem, start: Guess | Solution, limits: Limits | None = None) -> Solution:
-        """Solve for the data of a problem.
-
-        Parameters
-        ----------
-        problem : SlewProblem
-        start : Guess or Solution
-            Where to start: a guess, or a solution of the same programme with other data.
-        limits : Limits or None
-            Tighter ones than the problem's, which keep the motion within those between the nodes too.
-
-        Raises
-        ------
-        SlewError
-            If no slew is found; it says what is missed most, and when, and which limits are met.
-        """
-        arguments = self._bounds(problem, limits or problem.limits)
-        if isinstance(start, Solution):
-            arguments |= {f"{name}0": start.raw[name] for name in ("lam_x", "lam_g")}
-            arguments["x0"] = np.array(start.raw["x"]).ravel()
-        else:
-            arguments |= self._start(problem, start)
-        scheme = self.transcription.scheme
-        unit = OBJECTIVES[scheme.objective].unit(self.transcription.units)
-        stage = f"collocation of {count(scheme.points, 'point')} on {scheme.intervals} intervals"
-        options = _OPTIONS | self.transcription.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * self.tolerance)}
-        nlp, deadline = self.transcription.nlp, problem.deadline
-        raw, statistics = solved(nlp, options, arguments, deadline, stage, unit)
-        if not statistics["success"]:
-            said, missed = self._failure(problem, raw, arguments)
-            if statistics["return_status"] == "Infeasible_Problem_Detected":
-                raise LimitsTooTightError(said, missed)
-            raise SlewError(said)
-        return self._read(problem, raw, int(statistics["iter_count"]))
-
-    def _bounds(self, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
-        """Data, and bounds of unknowns and conditions."""
-        t, units, layout = self.transcription, self.transcription.units, self.transcription.layout
-        p = np.array([(problem.duration or 0.0) / units.time, *(limits.given[kind] for kind in t.scheme.limits)])
-        lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
-        lower[layout.torques], upper[layout.torques] = (s * problem.limits.torque / units.torque for s in (-1, 1))
-        lower[layout.states[0]] = upper[layout.states[0]] = problem.start / units.states
-        if t.scheme.ramp and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in t.scheme.limits):
-            ends = layout.torques[[0, -1]]
-            lower[ends] = upper[ends] = 0.0
-        if layout.duration is not None:
-            lower[layout.duration] = _LEAST_TIME
-        if layout.bound is not None:
-            lower[layout.bound] = 0.0
-        target, inequalities = t.ends @ (problem.target / units.states), np.full(len(t.names), -np.inf)
-        stages = np.tile(np.concatenate([np.zeros(t.defects), inequalities]), t.scheme.intervals)
-        low = np.concatenate([stages, np.full(t.last, -np.inf), target])
-        high = np.concatenate([np.zeros(t.stages_end + t.last), target])
-        return {"lbx": lower, "ubx": upper, "lbg": low, "ubg": high, "p": p}
-
-    def _start(self, problem: SlewProblem, guess: Guess) -> dict[str, Array]:
-        """First guess."""
-        t, units, layout = self.transcription, self.transcription.units, self.transcription.layout
-        N, x = t.scheme.intervals, np.zeros(layout.size)
-        x[layout.states] = guess.states / units.states
-        x[layout.torques] = guess.torques / units.torque
-        slopes = np.diff(guess.states, axis=0) / (guess.duration / N) / units.states * units.time
-        # one block of points a plant; the mean rate serves all points
-        x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.scheme.points) for own in t.blocks])
-        if layout.duration is not None:
-            x[layout.duration] = guess.duration / units.time
-        return {"x0": x}
-
-    def _read(self, problem: SlewProblem, raw: dict[str, Any], iterations: int) -> Solution:
-        scheme, units, layout = self.transcription.scheme, self.transcription.units, self.transcription.layout
-        x = np.array(raw["x"]).ravel()
-        duration = problem.duration
-        if layout.duration is not None:
-            duration = float(x[layout.duration]) * units.time
-        assert duration is not None
-        edges = np.linspace(0.0, duration, scheme.intervals + 1)
-        torques = x[layout.torques] * units.torque
-        history = ramped(edges, torques) if scheme.ramp else held(edges, torques)
-        unit = OBJECTIVES[scheme.objective].unit(units)
-        return Solution(history, unit * float(raw["f"]), iterations, raw)
-
-    def _failure(self, problem: SlewProblem, raw: dict[str, Any], arguments: dict[str, Array]) -> tuple[str, float]:
-        """Return in words what is missed most, and when, and which limits are met; and the sum of all misses, scaled."""
-        t, N, said = self.transcription, self.transcription.scheme.intervals, problem.plants[0].with_unit
-        g, x = np.array(raw["g"]).ravel(), np.array(raw["x"]).ravel()
-        missed = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
-        duration = problem.duration or float(x[t.layout.duration or 0]) * t.units.time
-        rows = missed[: t.stages_end].reshape(N, t.stage_rows)[:, t.defects :]
-        given = {
-            f"{kind}_limit": f"{kind}_limit = {said(kind, f'{most:g}')}" for kind, most in problem.limits.given.items()
-        }
-        over = {name: rows[:, [each == name for each in t.names]].max(axis=1) for name in given if name in t.names}
-        most = max(over, key=lambda name: over[name].max(), default="")
-        what = "the end state cannot be reached"
-        if most and over[most].max() > _SHOWN:
-            what = f"{given[most]} is exceeded most at t = {np.argmax(over[most]) * duration / N:.4g} s"
-        met = {name: each > -_NEAR for name, each in over.items()}
-        met["torque_limit"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
-        shares = [
-            f"{given[name]} is met from t = {np.argmax(each) * duration / N:.4g} s, for {np.mean(each):.0%} of the time"
-            for name, each in sorted(met.items(), key=lambda item: -np.mean(item[1]))
-            if each.any()
-        ]
-        return "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares]), float(
-            np.maximum(missed, 0.0).sum()
-        )
-
-
-def prepare(problem: SlewProblem, scheme: Scheme, guess: Guess, tolerance: float) -> Programme:
-    """Transcribe a problem in units of a guess; it serves any data.
+def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limits: Limits) -> Solution:
+    """Solve a programme for the data of a problem.
 
     Parameters
     ----------
+    t : Transcription
     problem : SlewProblem
-    scheme : Scheme
-    guess : Guess
-    tolerance : float
-        Of the end state in a replay, relative.
+    start : Guess or Solution
+        Where to start: a guess, or a solution of the same programme with other data.
+    limits : Limits
+        The problem's, or tighter ones, which keep the motion within those between the nodes too.
+
+    Raises
+    ------
+    SlewError
+        If no slew is found; it says what is missed most, and when, and which limits are met.
     """
+    arguments = _bounds(t, problem, limits)
+    if isinstance(start, Solution):
+        arguments |= start.raw
+    else:
+        arguments["x0"] = _start(t, start)
+    unit = OBJECTIVES[problem.objective].unit(t.units)
+    stage = f"collocation of {count(t.points, 'point')} on {t.intervals} intervals"
+    options = _OPTIONS | t.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * problem.rtol)}
+    raw, statistics = solved(t.nlp, options, arguments, problem.deadline, stage, unit)
+    x = np.array(raw["x"]).ravel()
+    duration = problem.duration if t.layout.duration is None else float(x[t.layout.duration]) * t.units.time
+    assert duration is not None
+    if not statistics["success"]:
+        said, missed = _failure(t, problem, duration, x, np.array(raw["g"]).ravel(), arguments)
+        if statistics["return_status"] == "Infeasible_Problem_Detected":
+            raise LimitsTooTightError(said, missed)
+        raise SlewError(said)
+    edges, torques = np.linspace(0.0, duration, t.intervals + 1), x[t.layout.torques] * t.units.torque
+    history = ramped(edges, torques) if problem.ramps else held(edges, torques)
+    again = {"x0": x, **{f"{name}0": np.array(raw[name]).ravel() for name in ("lam_x", "lam_g")}}
+    return Solution(history, unit * float(raw["f"]), int(statistics["iter_count"]), again)
+
+
+def _bounds(t: Transcription, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
+    """Data, and bounds of unknowns and conditions."""
+    units, layout = t.units, t.layout
+    p = np.array([(problem.duration or 0.0) / units.time, *limits.beside_torque.values()])
+    lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+    lower[layout.torques], upper[layout.torques] = (s * problem.limits.torque / units.torque for s in (-1, 1))
+    lower[layout.states[0]] = upper[layout.states[0]] = problem.start / units.states
+    if problem.ramps and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in problem.limits.given):
+        ends = layout.torques[[0, -1]]
+        lower[ends] = upper[ends] = 0.0
+    if layout.duration is not None:
+        lower[layout.duration] = _LEAST_TIME
+    if layout.bound is not None:
+        lower[layout.bound] = 0.0
+    target, inequalities = t.ends @ (problem.target / units.states), np.full(len(t.names), -np.inf)
+    stages = np.tile(np.concatenate([np.zeros(t.defects), inequalities]), t.intervals)
+    high = np.concatenate([np.zeros(stages.size), target])
+    return {"lbx": lower, "ubx": upper, "lbg": np.concatenate([stages, target]), "ubg": high, "p": p}
+
+
+def _start(t: Transcription, guess: Guess) -> Array:
+    """First guess."""
+    units, layout = t.units, t.layout
+    x = np.zeros(layout.size)
+    x[layout.states] = guess.states / units.states
+    x[layout.torques] = guess.torques / units.torque
+    slopes = np.diff(guess.states, axis=0) / (guess.duration / t.intervals) / units.states * units.time
+    # one block of points a plant; the mean rate serves all points
+    x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.points) for _, own in t.problem.parts])
+    if layout.duration is not None:
+        x[layout.duration] = guess.duration / units.time
+    return x
+
+
+def _failure(
+    t: Transcription, problem: SlewProblem, duration: float, x: Array, g: Array, arguments: dict[str, Array]
+) -> tuple[str, float]:
+    """Return in words what is missed most, and when, and which limits are met; and the sum of all misses, scaled."""
+    said = problem.plants[0].with_unit
+    missed = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
+    rows = missed[: -len(t.ends)].reshape(t.intervals, -1)[:, t.defects :]
+    over = {}
+    for kind in problem.limits.beside_torque:
+        worst = rows[:, [name == f"{kind}_limit" for name in t.names]].max(axis=1)
+        # limits of the motion are kept at the ends of intervals
+        over[kind] = np.append(-np.inf, worst) if kind in problem.plants[0].rows else worst
+    words = {kind: f"{kind}_limit = {said(kind, f'{most:g}')}" for kind, most in problem.limits.given.items()}
+    most = max(over, key=lambda kind: over[kind].max(), default="")
+    what = "the end state cannot be reached"
+    if most and over[most].max() > _SHOWN:
+        what = f"{words[most]} is exceeded most at t = {np.argmax(over[most]) * duration / t.intervals:.4g} s"
+    met = {kind: each > -_NEAR for kind, each in over.items()}
+    met["torque"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
+    shares = [
+        f"{words[kind]} is met from t = {np.argmax(each) * duration / t.intervals:.4g} s, for {np.mean(each):.0%} of the time"
+        for kind, each in sorted(met.items(), key=lambda item: -np.mean(item[1]))
+        if each.any()
+    ]
+    sentence = "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares])
+    return sentence, float(np.maximum(missed, 0.0).sum())
+
+
+def prepare(problem: SlewProblem, intervals: int, points: int, guess: Guess) -> Transcription:
+    """Transcribe a problem on a mesh, in units of a guess; it serves any data."""
     sizes, tip = guess.sizes, 1.0
     if "tip" in problem.plants[0].rows:
         row = np.concatenate([plant.rows["tip"] for plant in problem.plants])
         tip = float(max(np.abs(row * sizes).max(), 1e-12))
     units = Units(sizes, problem.limits.torque, problem.duration or guess.duration, tip)
-    return Programme(transcribe(problem.parts, problem.ends, scheme, units), tolerance)
+    return transcribe(replace(problem, deadline=SlewDeadline()), intervals, points, units)  # it tells nobody
