@@ -13,7 +13,7 @@ Any machine
     estimate_frequency_response, identify.
 Analyze a system
     sigma, compare_sigma, bode, nyquist, pzmap, step, impulse, mode_table, compare.
-Compute norms and margins
+Check norms and stability
     hinf_norm, h2_norm, margins, prove.
 Reduce it
     reduce, reduce_controller, scale_signals, unscale_controller, ScaledStateSpace.

@@ -119,7 +119,7 @@ REFUSED = [
     (lambda: identify(confidence_level=1.0), "confidence_level = 1.0: expected a number from 0.5 to below 1"),
     (lambda: identify(slice(0, 60)), "at least 48 lines of the spectrum"),
     (lambda: identify(error_model="relative"), "error_model = 'relative': expected None for a record"),
-    (lambda: bc.identify(EXACT, record()[0]), "expected None beside a measured frequency response"),
+    (lambda: bc.identify(EXACT, record()[0]), "expected None for a measured frequency response"),
     (fast, "sample_time = 0.02: expected resonances well below half .* got one at 24.2 Hz of 25"),
     # families, and bands of what they leave
     (lambda: fit(error_std=0.01).family(), "model: expected a function that makes a SecondOrderModel .* makes ndarray"),

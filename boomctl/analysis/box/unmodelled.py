@@ -129,9 +129,7 @@ def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple
         into[:, ports.inputs.index(name)] /= own
     wide = ports.mixed(np.eye(len(ports.L[0].T)), (into, ports.inputs), (out_of, ports.outputs + names))
     wide = replace(wide, bandwidths=ports.bandwidths + (None,) * len(names))
-    changes = tuple(
-        (power, replace(x, B=x.B @ into, L=out_of.T @ x.L if x.L.any() else x.L)) for power, x in family.coefficients
-    )
+    changes = tuple((power, replace(x, B=x.B @ into, L=out_of.T @ x.L)) for power, x in family.coefficients)
     plants = replace(family, nominal=SecondOrderModel.of(family.nominal.structure, wide), coefficients=changes)
     rows = np.kron(np.eye(p), np.ones(m)) * unit.ravel()  # which output an entry adds to, in its unit
     B, D = np.hstack([np.zeros((len(entries.A), p)), entries.B]), np.hstack([np.eye(p), rows @ entries.D])
