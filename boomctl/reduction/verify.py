@@ -160,7 +160,7 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
         )
         found = peak, at = max(largest_gain(both, respond), (largest_of(gap.D), inf))
         level = peak * (1.0 + _ABOVE)
-        if 0.0 < peak < inf and at < inf and stays_below(both, level, at)[0]:
+        if 0.0 < peak < inf and at < inf and stays_below(both, level, at):
             return NormBounds(peak, level, at, IN_MODES, verified=True)
     result = level_norm(gap, respond, found, above=_ABOVE, band=limits)
     if result.verified:
