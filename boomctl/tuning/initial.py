@@ -8,12 +8,13 @@ import numpy as np
 from boomctl.arrays import Array, balance
 from boomctl.checks import known, mapping, real, within
 from boomctl.lti.system import Lti, check_scales, controller_of, is_statespace
-from boomctl.tunable.structures import GAIN, Physical, StateSpace, Sum
+from boomctl.tunable.structures import GAIN, Physical, StateSpace, terms
 from boomctl.tuning.problem import Problem
-from boomctl.tuning.solver.starts import grown
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
+
+_QUIET = 1e-2  # gains of a state more, over their natural size (a choice)
 
 
 def initial_numbers(
@@ -50,7 +51,7 @@ def initial_numbers(
 
 
 def _of_controller(problem: Problem, K: Lti) -> Array:
-    parts = problem.structure.parts if isinstance(problem.structure, Sum) else (problem.structure,)
+    parts = terms(problem.structure)
     free = [part for part in parts if isinstance(part, StateSpace)]
     if len(free) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
         raise ValueError(
@@ -111,5 +112,5 @@ def _numbers(problem: Problem, K: Lti, wanted: StateSpace) -> Array:
         parts.append((K.D * ports.reads / ports.acts[:, None]).ravel())
     x, rng = np.concatenate(parts), np.random.default_rng(0)
     for order in range(len(A) + 1, wanted.order + 1):
-        x = grown(StateSpace(order, wanted.strictly_proper), ports, x, rng)
+        x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng, _QUIET)
     return x

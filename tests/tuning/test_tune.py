@@ -115,7 +115,6 @@ def test_units_of_the_signals_do_not_matter():
 STRUCTURES = {
     "gain": T.gain(),
     "pid": T.pid(),
-    "lead": T.lead(),
     "ppf": T.ppf(2),
     "notch": T.gain() * T.notch(),
     "shared": T.decentralized(T.gain() + T.ppf(), shared_parameters=True),
@@ -524,7 +523,7 @@ def test_a_loop_that_ends_at_the_edge_of_stability_says_so():
     assert found.certificate.spectral_abscissa < 0.0
     told = found.certificate.summary
     assert "ended at the edge of stability: a pole at" in told
-    assert "ask for decay=" in told
+    assert "ask for min_decay_rate=" in told
 
 
 def test_with_a_decay_asked_for_a_loop_does_not_end_at_the_edge():

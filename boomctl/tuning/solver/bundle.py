@@ -3,7 +3,6 @@
 from collections.abc import Callable
 from functools import partial
 from math import inf, isfinite
-from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import lapack
@@ -12,8 +11,9 @@ from scipy.optimize import nnls
 from boomctl.arrays import Array
 from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.point import BESIDE, WINDOW, Piece, Point
-from boomctl.tuning.responses import same_place
+from boomctl.tuning.point import BESIDE, Height, Piece, Point
+from boomctl.tuning.problem import GAIN_LIMIT
+from boomctl.tuning.responses import WINDOW, same_place
 from boomctl.tuning.solver.descent import Ended
 
 _MOST = 80  # pieces at most, the highest (a choice)
@@ -44,9 +44,8 @@ _ENOUGH = 1e-11  # slope that is left, relative to the costs, at which a quadrat
 _NO_ROW = 1e-12  # share of the longest row below which a row bounds nothing, and is not made longer (a choice)
 
 
-Place = TypeVar("Place", Piece, tuple[int, int, float, float])  # model, channel, frequency, value, and maybe more
-# a point that was tried: free numbers, the loops there, the merit, and the multipliers that led there
-Tried = tuple[Array, Point, float, Array]
+# a point that was tried: free numbers, the loops there, and the merit
+Tried = tuple[Array, Point, float]
 
 
 def polish(
@@ -77,22 +76,20 @@ def polish(
     hard : float
         The rows of a programme give way a little, unless no more than this gain is promised then.
     """
-    point, n = point_at(x), len(x)
+    point, H = point_at(x), np.zeros((len(x), len(x)))
     value = point.merit(weight)[0]
     if not isfinite(value):
         return Ended(x, value, 0)
-    exact = point.exact
-    H, damping = np.zeros((n, n)), _DAMPING
+    damping = _DAMPING
     history = [value]
     at = partial(_tried, point_at, low, high, weight)
     for k in range(steps):
         asked: set[tuple[int, int, float]] = set()
         pieces = _chosen(point, asked)
         sizes = _sizes(pieces, H)
-        if exact:
-            multipliers = _step(pieces, H, sizes, damping, x, low, high, weight, value, -inf)[2]
-            H = _curvature(point, pieces, multipliers, sizes)
-            sizes = _sizes(pieces, H)
+        multipliers = _step(pieces, H, sizes, damping, x, low, high, weight, value, -inf)[2]
+        H = _curvature(point, pieces, multipliers, sizes)
+        sizes = _sizes(pieces, H)
         for trial in range(_TRIALS):
             solved = partial(
                 _step,
@@ -106,13 +103,11 @@ def polish(
                 value=value,
                 wanted=hard,
             )
-            d, promised, multipliers = solved(pieces)
+            d, promised, _ = solved(pieces)
             if promised <= gain:
                 return Ended(x, value, k, damping < 1e3 * _DAMPING)
-            tried = at(x + d, multipliers)
-            if exact:
-                tried = _corrected(tried, pieces, x, value - _GOOD * promised, solved, at)
-            there, result = tried[1:3]
+            tried = _corrected(at(x + d), pieces, x, value - _GOOD * promised, solved, at)
+            there, result = tried[1:]
             if result <= value - _FALL * promised:
                 if trial == 0:
                     good = value - result >= _GOOD * promised
@@ -126,10 +121,7 @@ def polish(
             damping = min(max((2.0 if more else 6.0) * damping, bends), _LARGEST)
         else:
             return Ended(x, value, k)
-        if not exact:
-            active = [(m, p) for m, p in zip(tried[3], pieces, strict=True) if m > _ACTIVE and p.top]
-            H = _updated(H + 1e-3 * damping * np.diag(sizes), tried[0] - x, active, there.pieces(WINDOW))
-        x, point, value = tried[:3]
+        x, point, value = tried
         history.append(value)
         if len(history) > 6 and history[-7] - value < 10.0 * gain:
             return Ended(x, value, k + 1)
@@ -147,7 +139,7 @@ def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Arr
     n = len(point.x)
     H = np.zeros((n, n))
     for multiplier, piece in zip(multipliers, pieces, strict=True):
-        if multiplier <= _ACTIVE or piece.channel < -1 or not piece.top:
+        if multiplier <= _ACTIVE or piece.channel < GAIN_LIMIT or not piece.top:
             continue
         H += multiplier * (_h2_hessian(point, piece) if np.isnan(piece.omega) else peak_hessian(point, piece))
     if not np.isfinite(H).all():
@@ -227,12 +219,10 @@ def _step(
     return scaled / root, promised, z[: len(pieces)]
 
 
-def _tried(
-    point_at: Callable[[Array], Point], low: Array, high: Array, weight: float, x: Array, multipliers: Array
-) -> Tried:
+def _tried(point_at: Callable[[Array], Point], low: Array, high: Array, weight: float, x: Array) -> Tried:
     x = np.clip(x, low, high)
     there = point_at(x)
-    return x, there, there.merit(weight)[0], multipliers
+    return x, there, there.merit(weight)[0]
 
 
 def _corrected(
@@ -241,14 +231,14 @@ def _corrected(
     x: Array,
     enough: float,
     solved: Callable[[list[Piece]], tuple[Array, float, Array]],
-    at: Callable[[Array, Array], Tried],
+    at: Callable[[Array], Tried],
 ) -> Tried:
     """Return a point that was tried, or a lower one: the programme is solved anew for what the pieces have bent to there."""
     for _ in range(_CORRECTIONS):
         if not isfinite(tried[2]) or tried[2] <= enough:
             break
-        d, _, multipliers = solved(_bent_pieces(pieces, tried[1], tried[0] - x))
-        further = at(x + d, multipliers)
+        d, _, _ = solved(_bent_pieces(pieces, tried[1], tried[0] - x))
+        further = at(x + d)
         if further[2] >= tried[2]:
             break
         tried = further
@@ -258,12 +248,12 @@ def _corrected(
 def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
     """Return pieces with the values that, with their slopes, are right at a point tried: what they bend is then seen."""
     return [
-        piece if near is None or not piece.top else piece._replace(value=near[3] - float(piece.gradient @ d))
+        piece if near is None or not piece.top else piece._replace(value=near.value - float(piece.gradient @ d))
         for piece, near in zip(pieces, _nearest(pieces, trial.tops(WINDOW)), strict=True)
     ]
 
 
-def _nearest(pieces: list[Piece], others: list[Place]) -> list[Place | None]:
+def _nearest(pieces: list[Piece], others: list[Height]) -> list[Height | None]:
     """Return what each piece has become among others; None where nothing near it is the same."""
     if not others or not pieces:
         return [None] * len(pieces)
@@ -279,27 +269,12 @@ def _nearest(pieces: list[Piece], others: list[Place]) -> list[Place | None]:
 def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
     """Return what stands out at a point tried and was no piece."""
     result = set()
-    for model, channel, omega in trial.highest:
-        there = [p.omega for p in pieces if p.model == model and p.channel == channel]
-        if not any(same_place(omega, item, BESIDE) for item in there):
+    for model, channel, omega, *_ in (trial.top, *([trial.over] if trial.over else [])):
+        there = [p.omega for p in pieces if (p.model, p.channel) == (model, channel)]
+        at_peak = channel >= GAIN_LIMIT and not np.isnan(omega)
+        if at_peak and not any(same_place(omega, item, BESIDE) for item in there):
             result.add((model, channel, omega))
     return result - asked
-
-
-def _updated(B: Array, s: Array, active: list[tuple[float, Piece]], after: list[Piece]) -> Array:
-    """Return the curvature of the Lagrangian, by Powell's damped update."""
-    y, size = np.zeros_like(s), float(s @ B @ s)
-    tops = [item for item in after if item.top]
-    for (multiplier, piece), near in zip(active, _nearest([item for _, item in active], tops), strict=True):
-        if near is not None:
-            y += multiplier * (near.gradient - piece.gradient)
-    if size <= 0.0:
-        return B
-    product = float(s @ y)
-    share = 1.0 if product >= 0.2 * size else 0.8 * size / (size - product)
-    r = share * y + (1.0 - share) * (B @ s)
-    Bs = B @ s
-    return B - np.outer(Bs, Bs) / size + np.outer(r, r) / float(s @ r)
 
 
 def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> float:
@@ -313,7 +288,7 @@ def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> 
     if not pieces or not len(x):
         return 0.0
     H = np.zeros((len(x), len(x)))
-    if len(pieces) == 1 and point.exact:
+    if len(pieces) == 1:
         H = _curvature(point, pieces, np.ones(1), _sizes(pieces, H))
     slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, H))
     longest = 1.0 if H.any() else float(np.linalg.norm(slopes, axis=1).max())

@@ -1,6 +1,6 @@
 """The search from many starts: stabilize, descend, polish, in turn until nothing changes; the best so far is kept."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from math import exp, inf, isfinite, log
 
@@ -15,11 +15,11 @@ from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.bundle import polish
 from boomctl.tuning.solver.descent import descend
-from boomctl.tuning.solver.starts import drawn, grown, lower
 
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most (a choice)
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)
-_LONG = 400  # steps of a descent where second derivatives are not known (a choice)
+_LEVELS = (-2.0, 1.0)  # powers of ten between which gains are drawn, over their natural size (a choice)
+_QUIET = 1e-2  # gains of the quiet start, and of a state more, over their natural size (a choice)
 _FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
 _MANY = 3  # starts above which the best is shaken too: who asks for few knows where to begin (a choice)
 _SHAKE = 0.1  # share by which the numbers of the best are moved, for one more start (a choice)
@@ -98,11 +98,11 @@ class Search:
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     stages: list[str] = field(default_factory=list)
 
-    def point(self, x: Array, problem: Problem | None = None) -> Point:
+    def point(self, x: Array, edge: float | None = None) -> Point:
         """Return the loops at free numbers; out of time where it is."""
         if self.deadline.over:
             raise OutOfTimeError
-        return Point(self.problem if problem is None else problem, x, self.known)
+        return Point(self.problem, x, self.known, edge)
 
     def keep(self, point: Point, *, complete: bool = False) -> None:
         """Remember a point if it is the best so far, by all its peaks: within the bounds first, then the lowest."""
@@ -121,20 +121,22 @@ class Search:
     def checked(self, point: Point) -> tuple[Point, bool]:
         """Return a point with all its peaks, and whether these were known; those that a Hamiltonian matrix shows now are."""
         missed = False
-        for model, channel, _, value in point.norms:
-            if model < 0 or self.problem.channels[channel].norm == "h2":
+        for model, channel, omega, value, _ in point.norms:
+            if channel < 0 or np.isnan(omega):
                 continue
-            loop = point.loops[model]
-            if loop is None:
-                return point, True
-            rows, columns = self.problem.rows[channel], self.problem.columns[channel]
-            B, C, D = loop.part(columns, rows)
-            norm = level_norm(Lti(loop.A, B, C, D))
-            here = exp(value + point.offset(channel))
+            loop, rows, columns = point.loop(model), self.problem.rows[channel], self.problem.columns[channel]
+            norm = level_norm(Lti(loop.A, loop.B[:, columns], loop.C[rows], loop.D[np.ix_(rows, columns)]))
+            here = exp(value + self.problem.offset(channel))
             if norm.lower_bound > here * (1.0 + _MISSED) and isfinite(norm.peak_omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.peak_omega)
                 missed = True
         return (point.beside(point.x), False) if missed else (point, True)
+
+    @property
+    def design(self) -> Array:
+        """The best free numbers, of a search that found some."""
+        assert self.best is not None
+        return self.best
 
     @property
     def starts(self) -> list[TuneStart]:
@@ -197,13 +199,13 @@ class Search:
         """Descend on the highest peak, after the first turn only without second derivatives, then polish over all near it."""
         start = self.point(local.x)
         edge = min(local.edge, 0.5 * start.apart)
-        problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), local.merit
+        kept, before, problem = edge if edge >= _LAST_EDGE else None, local.merit, self.problem
         down = descend(
-            lambda x: self.point(x, problem).merit(local.weight),
+            lambda x: self.point(x, kept).merit(local.weight),
             local.x,
             problem.low,
             problem.high,
-            steps=(_DESCENDING if before == inf else 0) if start.exact else _LONG,
+            steps=_DESCENDING if before == inf else 0,
             gain=_GAIN,
             enough=lambda x, value: value < self.floor,
         )
@@ -214,7 +216,7 @@ class Search:
             local.value, local.open = down.value, False
             return
         done = polish(
-            lambda x: self.point(x, problem),
+            lambda x: self.point(x, kept),
             local.x,
             problem.low,
             problem.high,
@@ -233,8 +235,8 @@ class Search:
         local.value = min(local.value, point.aim)
         local.gain = before - done.value if fine else inf
         local.open = local.gain >= _GAIN
-        if problem.edge is not None and point.apart < _AT_EDGE * problem.edge:  # on along it, and nearer
-            local.edge, local.open = _NEARER * problem.edge, True
+        if kept is not None and point.apart < _AT_EDGE * kept:  # on along it, and nearer
+            local.edge, local.open = _NEARER * kept, True
         elif fine and done.stationary:
             local.gain = 0.0  # the last digits alone are left
 
@@ -257,7 +259,9 @@ class Search:
         )
         end = self.point(result.x)
         if end.well_posed:
-            self.abscissa = min(self.abscissa, max(loop.abscissa for loop in end.loops if loop is not None))
+            self.abscissa = min(
+                self.abscissa, max(end.loop(i).abscissa for i in range(len(self.problem.plants.models)))
+            )
         return (result.x if end.stable else None), result.steps
 
 
@@ -267,7 +271,6 @@ def search(
     rng: np.random.Generator,
     deadline: Deadline,
     first: list[Array],
-    problem_of: Callable[..., Problem],
 ) -> Search:
     """Return the search from all starts, or what it had come to when the time ran out or the user stopped it.
 
@@ -279,24 +282,22 @@ def search(
     deadline : Deadline
     first : list of ndarray
         Starts that are given.
-    problem_of : function
-        Returns the problem with another structure.
     """
     work = Search(problem, deadline)
     try:
         begun: list[tuple[str, Array]] = [("given", x) for x in first]
-        less, reached = lower(problem.structure), -inf
+        less, reached = problem.structure.lower(), -inf
         if less is not None and (starts > 1 or not first):
-            small = problem_of(less)
+            small = replace(problem, structure=less)
             # what a call for that order comes to: the same starts and the same numbers drawn
-            inner = search(small, starts, rng, _share(deadline, _LOWER), [], problem_of)
+            inner = search(small, starts, rng, _share(deadline, _LOWER), [])
             work.stages += [f"order {small.order}: {stage}" for stage in inner.stages]
             if inner.best is not None:
                 name, reached = f"from order {small.order}: {exp(inner.value):.6g}", inner.value
                 work.stages.append(name)
-                same = grown(problem.structure, problem.ports, inner.best, rng, 0.0)
-                near = grown(problem.structure, problem.ports, inner.best, rng)
-                begun += [(f"order {small.order}", same), (f"order {small.order}", near)]
+                for size in (0.0, _QUIET):  # first the same controller, then one beside it
+                    grown = problem.structure.grown(inner.best, problem.ports, rng, size)
+                    begun.append((f"order {small.order}", grown))
             if "stopped" in inner.stages or deadline.over:
                 for _, x in begun:
                     work.keep(Point(problem, problem.clipped(x), work.known))
@@ -310,7 +311,8 @@ def search(
                 if k < len(begun) - 1 or work.value >= reached - _GAIN:
                     yield item
             for k in range(more):
-                yield "drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)
+                level = float(10.0 ** rng.uniform(*_LEVELS)) if k else _QUIET
+                yield "drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)
 
         work.from_starts(every(), len(begun) + more, starts > _MANY, rng)
     except OutOfTimeError:
