@@ -1,8 +1,8 @@
 """Structures of controllers: their free numbers, and the system that these make as CasADi expressions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from itertools import pairwise
+from itertools import pairwise, product
 from math import exp, inf, log
 from typing import TypeAlias
 
@@ -196,13 +196,10 @@ def terms(structure: ControllerForm) -> tuple[ControllerForm, ...]:
     return structure.parts if isinstance(structure, Sum) else (structure,)
 
 
-def _each(ports: Ports, name: str, rate: float = 1.0) -> tuple[Free, ...]:
-    """Return a free gain from each measurement to each control."""
-    return tuple(
-        Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read) * rate)
-        for u, act in zip(ports.controls, ports.acts, strict=True)
-        for y, read in zip(ports.measurements, ports.reads, strict=True)
-    )
+def _each(name: str, rows: Iterable[object], acts: Array, columns: Iterable[object], reads: Array) -> list[Free]:
+    """Return free gains between signals, or their numbers, of some sizes."""
+    ends = product(zip(rows, acts, strict=True), zip(columns, reads, strict=True))
+    return [Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read)) for (u, act), (y, read) in ends]
 
 
 def _cut(x: Array, sizes: list[int]) -> list[Array]:
@@ -226,8 +223,10 @@ class Filtered(ControllerForm):
         raise NotImplementedError
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        result = ((*_each(ports, name, rate), *own) for name, rate, own, _ in self.terms(ports))
-        return tuple(free for group in result for free in group)
+        result: list[Free] = []
+        for name, rate, own, _ in self.terms(ports):
+            result += [*_each(name, ports.controls, rate * ports.acts, ports.measurements, ports.reads), *own]
+        return tuple(result)
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
         size, start, result, numbers = len(ports.acts) * len(ports.reads), 0, [], ca.vertsplit(values)
@@ -328,20 +327,10 @@ class StateSpace(ControllerForm):
         return _cut(x, [n * n, n * columns, rows * n, 0 if self.strictly_proper else rows * columns])
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        states, rate, acts, reads = np.ones(self.order), ports.rate, ports.acts, ports.reads
-        parts = {
-            "A": rate * np.outer(states, states),
-            "B": rate * np.outer(states, 1.0 / reads),
-            "C": np.outer(acts, states),
-            "D": np.outer(acts, 1.0 / reads),
-        }
-        kept = [letter for letter in parts if letter != "D" or not self.strictly_proper]
-        return tuple(
-            Free(f"{letter}[{i}, {j}]", GAIN, scale=float(parts[letter][i, j]))
-            for letter in kept
-            for i in range(parts[letter].shape[0])
-            for j in range(parts[letter].shape[1])
-        )
+        (rows, columns), n, one = map(range, ports.shape), range(self.order), np.ones(self.order)
+        parts = [*_each("A", n, ports.rate * one, n, one), *_each("B", n, ports.rate * one, columns, ports.reads)]
+        parts += _each("C", rows, ports.acts, n, one)
+        return (*parts, *([] if self.strictly_proper else _each("D", rows, ports.acts, columns, ports.reads)))
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
         (rows, columns), n = ports.shape, self.order
@@ -499,18 +488,13 @@ class Series(Composed):
         return self.last.square and self.first.square
 
     def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
-        """Return the parts with their ports; between them signals count in ones."""
-        names: tuple[str, ...]
-        if self.first.square:  # what passes unchanged keeps its name
-            names = ports.measurements
-        else:
-            names = ports.controls if self.last.square else tuple(f"v{i + 1}" for i in range(len(ports.controls)))
-        ones = np.ones(len(names))
+        """Return the parts with their ports; what passes unchanged keeps its names and sizes."""
+        names, sizes = tuple(f"v{i + 1}" for i in range(len(ports.controls))), np.ones(len(ports.controls))
         if self.first.square:
-            return [(self.last, ports), (self.first, replace(ports, controls=names, acts=ones, reads=ones))]
-        if self.last.square:
-            return [(self.last, replace(ports, measurements=names, reads=ones, acts=ones)), (self.first, ports)]
-        behind, before = replace(ports, measurements=names, reads=ones), replace(ports, controls=names, acts=ones)
+            names, sizes = ports.measurements, ports.reads
+        elif self.last.square:
+            names, sizes = ports.controls, ports.acts
+        behind, before = replace(ports, measurements=names, reads=sizes), replace(ports, controls=names, acts=sizes)
         return [(self.last, behind), (self.first, before)]
 
     def block(self, values: ca.SX, ports: Ports) -> Block:

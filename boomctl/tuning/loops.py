@@ -1,6 +1,6 @@
 """Plants with balanced states, and loops that a controller closes around them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -25,20 +25,33 @@ class ScaledPlant(GeneralizedPlant):
     ----------
     slopes, bends : ndarray or None
         First and second derivatives of ``[[A, B], [C, D]]`` by physical parameters, (k, r, c) and (k, k, r, c).
+    order : int
+        Of the controller.
     """
 
     slopes: Array | None = None
     bends: Array | None = None
+    order: int = 0
 
-    @classmethod
-    def of(cls, plant: GeneralizedPlant, states: Array) -> "ScaledPlant":
-        """Return a plant with its states divided by ``states``."""
-        s = plant.system
-        A = _without_jordan_blocks(s.A * states / states[:, None])
-        return cls(replace(s, A=A, B=s.B / states[:, None], C=s.C * states), plant.nmeas, plant.ncon)
+    @cached_property
+    def frame(self) -> tuple[Array, Array, Array, Array]:
+        """The plant with the states of a controller beside its own, that read and do nothing yet.
+
+        These are ``[[A, B], [C, D]]`` from disturbances to performance, what the rates of the controller's states and its
+        controls add to that, and what the states and the measurements read of it; last what these read of the controls.
+        """
+        n, order, nz, nw = len(self.A), self.order, self.nz, self.nw
+        end = n + order
+        M, M12 = np.zeros((end + nz, end + nw)), np.zeros((end + nz, order + self.ncon))
+        M21, through = np.zeros((order + self.nmeas, end + nw)), np.zeros((order + self.nmeas, order + self.ncon))
+        M[:n, :n], M[:n, end:], M[end:, :n], M[end:, end:] = self.A, self.B1, self.C1, self.D11
+        M12[:n, order:], M12[end:, order:], M12[n:end, :order] = self.B2, self.D12, np.eye(order)
+        M21[order:, :n], M21[order:, end:], M21[:order, n:end] = self.C2, self.D21, np.eye(order)
+        through[order:, order:] = self.D22
+        return M, M12, M21, through
 
 
-def _without_jordan_blocks(A: Array) -> Array:
+def without_jordan_blocks(A: Array) -> Array:
     """Return a matrix whose equal eigenvalues without eigenvectors of their own, as of weights, are a hair apart.
 
     The search alone uses it: responses are then fast, and off by no more than that hair.
@@ -131,18 +144,11 @@ class Closed:
         return values, left / (left * right.T).sum(axis=1)[:, None], right
 
 
-def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
-    """Return a plant closed by a controller ``[[A, B], [C, D]]`` of some order; None where the loop is not well-posed."""
-    n, nu, ny, nw, nz = len(plant.A), plant.ncon, plant.nmeas, plant.nw, plant.nz
+def close(plant: ScaledPlant, K: Array) -> Closed | None:
+    """Return a plant closed by a controller ``[[A, B], [C, D]]``; None where the loop is not well-posed."""
+    n, order, nu, ny, nw, nz = len(plant.A), plant.order, plant.ncon, plant.nmeas, plant.nw, plant.nz
     end = n + order
-    # [[A, B], [C, D]] without a controller, its states beside the plant's; what the rates of these and the controls add to
-    # that; what these states and the measurements read of it; and what the measurements read of the controls
-    M, M12, M21 = np.zeros((end + nz, end + nw)), np.zeros((end + nz, order + nu)), np.zeros((order + ny, end + nw))
-    M[:n, :n], M[:n, end:], M[end:, :n], M[end:, end:] = plant.A, plant.B1, plant.C1, plant.D11
-    M12[:n, order:], M12[end:, order:], M12[n:end, :order] = plant.B2, plant.D12, np.eye(order)
-    M21[order:, :n], M21[order:, end:], M21[:order, n:end] = plant.C2, plant.D21, np.eye(order)
-    through = np.zeros((order + ny, order + nu))
-    through[order:, order:] = plant.D22
+    M, M12, M21, through = plant.frame
     gain, before, after, around, inverse = K, M12, M21, through, np.eye(len(K))
     if through.any():
         left = np.eye(len(K)) - K @ through
@@ -151,7 +157,7 @@ def close(plant: ScaledPlant, K: Array, order: int) -> Closed | None:
         inverse = np.linalg.inv(left)
         gain = inverse @ K
         before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
-    M += M12 @ gain @ M21
+    M = M + M12 @ gain @ M21
     if plant.slopes is not None:  # what the plant adds to its states, outputs and measurements, and what it reads
         adds, reads = np.zeros((end + nz, n + nz + ny)), np.zeros((n + nw + nu, end + nw))
         adds[:n, :n], adds[end:, n : n + nz] = np.eye(n), np.eye(nz)

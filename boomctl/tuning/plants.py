@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Any
 
@@ -17,11 +17,12 @@ from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.tunable.structures import Physical
-from boomctl.tuning.loops import ScaledPlant
+from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 
 _MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning begins from all corners of the box.
 _DEGREES = (1, 2, 4, 8, 16, 32)  # of polynomials, tried in turn: springs, products of two, masses, positions (a choice)
 _ROUNDING = 1e-14  # share of a row's size up to which a coefficient is rounding: 1e2 eps
+_KEPT = 16  # sets of plants that are kept: the last few points of the search (a choice)
 _EXACT = 1e3  # times that by which a polynomial may miss plants: far below what is tuned to (a choice)
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
@@ -74,16 +75,16 @@ class PlantPolynomial:
         self._terms = np.array([*terms["P"].values()])
         self.degrees = tuple(max(term.count(i) for term in terms["P"]) for i in range(size))
 
-    def scaled(self, numbers: Array) -> ScaledPlant:
+    def scaled(self, numbers: Array, order: int) -> ScaledPlant:
         """Return the plant with balanced states, and its derivatives."""
-        k, s, n = len(numbers), self._plant.system, len(self._plant.A)
+        k, s, n, plant = len(numbers), self._plant.system, len(self._plant.A), self._plant
         powers = [np.asarray(item) for item in self._powers(numbers)]
         result, slopes, bends = (
             np.tensordot(item.reshape(len(self._terms), -1), self._terms, (0, 0)) for item in powers
         )
         M = result[0]
-        here = replace(self._plant, system=replace(s, A=M[:n, :n], B=M[:n, n:], C=M[n:, :n], D=M[n:, n:]))
-        return replace(ScaledPlant.of(here, np.ones(n)), slopes=slopes, bends=bends.reshape(k, k, *M.shape))
+        system = replace(s, A=without_jordan_blocks(M[:n, :n]), B=M[:n, n:], C=M[n:, :n], D=M[n:, n:])
+        return ScaledPlant(system, plant.nmeas, plant.ncon, slopes, bends.reshape(k, k, *M.shape), order)
 
 
 @dataclass(frozen=True)
@@ -109,11 +110,6 @@ class Model:
         return self.make({item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)})
 
     @cached_property
-    def _fixed(self) -> ScaledPlant:
-        plant = self.given(np.zeros(0))
-        return ScaledPlant.of(plant, balance(plant.A)[1])
-
-    @cached_property
     def polynomial(self) -> PlantPolynomial:
         """The plant as a polynomial of the physical parameters.
 
@@ -131,9 +127,13 @@ class Model:
                 ' them the same states everywhere, as `model.to_statespace(states="coordinates")` does.'
             ) from None
 
-    def scaled(self, numbers: Array) -> ScaledPlant:
-        """Return the plant with balanced states, and its derivatives."""
-        return self.polynomial.scaled(numbers) if self.physical else self._fixed
+    def scaled(self, numbers: Array, order: int) -> ScaledPlant:
+        """Return the plant with balanced states, and its derivatives, for a controller of some order."""
+        if self.physical:
+            return self.polynomial.scaled(numbers, order)
+        plant = self.given(numbers)
+        system = plant.system.balanced()
+        return ScaledPlant(replace(system, A=without_jordan_blocks(system.A)), plant.nmeas, plant.ncon, order=order)
 
 
 @dataclass(frozen=True)
@@ -177,9 +177,13 @@ class Plants:
                     raise ValueError(f"`P` must have one scale of {label!r} in all models, got {there:g} and {here:g}.")
         return result
 
-    def scaled(self, numbers: Array) -> tuple[ScaledPlant, ...]:
-        """Return the plants with balanced states, and their derivatives."""
-        return tuple(model.scaled(numbers) for model in self.models)
+    def scaled(self, numbers: Array, order: int) -> tuple[ScaledPlant, ...]:
+        """Return the plants with balanced states, and their derivatives, for controllers of some order."""
+        return self._scaled(tuple(numbers.tolist()), order)
+
+    @cached_property
+    def _scaled(self) -> Callable[[tuple[float, ...], int], tuple[ScaledPlant, ...]]:
+        return lru_cache(_KEPT)(lambda x, order: tuple(model.scaled(np.array(x), order) for model in self.models))
 
     @property
     def stages(self) -> tuple[str, ...]:

@@ -115,14 +115,14 @@ class Point:
     @cached_property
     def plants(self) -> tuple[ScaledPlant, ...]:
         """The plants at these physical parameters."""
-        return self.problem.plants.scaled(self.x[self.problem.physical])
+        return self.problem.plants.scaled(self.x[self.problem.physical], self.problem.order)
 
     @cached_property
     def loops(self) -> list[Closed | None]:
         """The closed loops, None where one is not well-posed; last the controller by itself."""
         K, n = self.controller, self.problem.order
         alone = Closed(*(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:]), *map(np.eye, K.shape), np.zeros(K.T.shape))
-        return [*(close(plant, K, n) for plant in self.plants), alone]
+        return [*(close(plant, K) for plant in self.plants), alone]
 
     @property
     def _models(self) -> range:

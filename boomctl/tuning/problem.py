@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import known
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.channels import Channel, places
@@ -44,6 +45,8 @@ class Problem:
     ports : Ports
     limits : mapping of int to float
         Of the bounds that are asked for.
+    columns, rows : tuple of ndarray
+        Of each channel among the plants' disturbances and performance signals.
     """
 
     structure: ControllerForm
@@ -51,6 +54,8 @@ class Problem:
     channels: tuple[Channel, ...]
     ports: Ports
     limits: Mapping[int, float]
+    columns: tuple[Array, ...]
+    rows: tuple[Array, ...]
 
     @classmethod
     def of(
@@ -60,7 +65,15 @@ class Problem:
         ports = ports_of(plants.middle)
         fastest = limits.get(FASTEST_POLE, np.inf)
         ports = replace(ports, fastest=min(ports.fastest, fastest), rate=min(ports.rate, fastest))
-        return cls(structure, plants, channels, ports, limits)
+        first = plants.middle[0]
+        for channel in channels:
+            for name in channel.inputs or ():
+                known("disturbance", name, first.disturbances)
+            for name in channel.outputs or ():
+                known("performance signal", name, first.performance)
+        ends = [places(first, channel) for channel in channels]
+        columns, rows = (tuple(np.array(item[k]) for item in ends) for k in (0, 1))
+        return cls(structure, plants, channels, ports, limits, columns, rows)
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
@@ -68,34 +81,14 @@ class Problem:
         return self.structure.free(self.ports)
 
     @cached_property
-    def _ends(self) -> tuple[Array, Array]:
-        ends = np.array([item.ends() for item in self.free]).reshape(-1, 2).T
-        return np.maximum(ends[0], -_LARGEST_GAIN), np.minimum(ends[1], _LARGEST_GAIN)
-
-    @property
     def low(self) -> Array:
         """Lower ends of the search's numbers."""
-        return self._ends[0]
-
-    @property
-    def high(self) -> Array:
-        """Upper ends of the search's numbers."""
-        return self._ends[1]
+        return np.array([max(item.ends()[0], -_LARGEST_GAIN) for item in self.free])
 
     @cached_property
-    def _places(self) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
-        found = [places(self.plants.middle[0], channel) for channel in self.channels]
-        return tuple(np.array(columns) for columns, _ in found), tuple(np.array(rows) for _, rows in found)
-
-    @property
-    def columns(self) -> tuple[Array, ...]:
-        """Of each channel among the plant's disturbances."""
-        return self._places[0]
-
-    @property
-    def rows(self) -> tuple[Array, ...]:
-        """Of each channel among the plant's performance signals."""
-        return self._places[1]
+    def high(self) -> Array:
+        """Upper ends of the search's numbers."""
+        return np.array([min(item.ends()[1], _LARGEST_GAIN) for item in self.free])
 
     @cached_property
     def physical(self) -> Array:

@@ -155,8 +155,7 @@ def tune(
             structure, _plants(P, *counts, structure) if over is None else over.plants(), listed, limits
         )
         _check(problem)
-        scales = problem.plants.middle[0].system.scales
-        begun = [] if initial_controller is None else [initial_numbers(problem, initial_controller, scales)]
+        begun = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
         result = _searched(problem, count, np.random.default_rng(number), begun, deadline)
         worst, stages = None, [*problem.plants.stages, *result.stages]
         if over is not None and over.uncertain:
@@ -224,11 +223,6 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerFo
 def _check(problem: Problem) -> None:
     """Refuse signals that are not there, what no controller can stabilize, and norms and gains that are infinite."""
     plants, channels = problem.plants.middle, problem.channels
-    for channel in channels:
-        for name in channel.inputs or ():
-            known("disturbance", name, plants[0].disturbances)
-        for name in channel.outputs or ():
-            known("performance signal", name, plants[0].performance)
     problem.structure.check(problem.ports)
     for label, plant in zip(problem.plants.labels, plants, strict=True):
         if plant.ncon and not problem.plants.physical:

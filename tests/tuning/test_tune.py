@@ -417,9 +417,9 @@ REFUSED = [
     (lambda: tuned_from(T.state_space(1, strictly_proper=True), 1), "initial_controller: .*strictly proper"),
     (
         lambda: tuned_from(T.state_space(1), 1, inputs=["v"]),
-        "initial_controller: .*'v' is none of the plant's: expected y",
+        "initial_controller: expected 1 .*, y, got v",
     ),
-    (lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2), "initial_controller: .*expected 1 input"),
+    (lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2), r"initial_controller: expected 1 input.s., y, got u\[0\], u\[1\]"),
     (lambda: tuned_from(T.state_space(1), 1, dt=0.1), "initial_controller: .*expected continuous time"),
 ]
 

@@ -13,7 +13,7 @@ from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTimeError, tell
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
-from boomctl.tuning.solver.bundle import polish
+from boomctl.tuning.solver.bundle import Polish
 from boomctl.tuning.solver.descent import descend
 
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most (a choice)
@@ -21,8 +21,6 @@ _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (c
 _LEVELS = (-2.0, 1.0)  # powers of ten between which gains are drawn, over their natural size (a choice)
 _QUIET = 1e-2  # gains of the quiet start, and of a state more, over their natural size (a choice)
 _FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
-_MANY = 3  # starts above which the best is shaken too: who asks for few knows where to begin (a choice)
-_SHAKE = 0.1  # share by which the numbers of the best are moved, for one more start (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
 _LOWER = 0.5  # share of the time for the order below, whose optimum is a start (a choice)
 _HOPE = 4.0  # turns that each gain as much as the last which would bring a local search down to the best (a choice)
@@ -150,14 +148,8 @@ class Search:
         self.stages.append("nothing left")
         return True
 
-    def from_starts(
-        self,
-        begun: Iterable[tuple[str, Array]],
-        count: int,
-        shaken: bool,
-        rng: np.random.Generator,
-    ) -> None:
-        """Begin from all starts, finish the best few, and then, if asked for, from beside the best of all."""
+    def from_starts(self, begun: Iterable[tuple[str, Array]], count: int) -> None:
+        """Begin from all starts, then finish the best few."""
         order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
         for k, (kind, x) in enumerate(begun):
             tell(f"{order}, start", k + 1, count)
@@ -172,12 +164,8 @@ class Search:
             self.finish(local)
             if self.nothing_left():
                 return
-        if shaken and self.best is not None:
-            tell(f"{order}, shaking the best")
-            moved = self.best * (1.0 + _SHAKE * rng.normal(size=len(self.best)))
-            self.finish(self.begin(self.problem.clipped(moved), "shaken"))
 
-    def begin(self, x: Array, kind: str) -> "LocalSearch":
+    def begin(self, x: Array, kind: str) -> None:
         """Stabilize from one start, and take a first turn."""
         local = LocalSearch(kind, x)
         self.searches.append(local)
@@ -186,7 +174,6 @@ class Search:
             local.x, local.open = result, True
             self.keep(Point(self.problem, result, self.known))
             self.turn(local)
-        return local
 
     def finish(self, local: "LocalSearch") -> None:
         """Take turns until nothing changes, or until a local search has no hope to come down to the best."""
@@ -215,16 +202,9 @@ class Search:
         if down.value < self.floor:
             local.value, local.open = down.value, False
             return
-        done = polish(
-            lambda x: self.point(x, kept),
-            local.x,
-            problem.low,
-            problem.high,
-            weight=local.weight,
-            steps=_POLISHING,
-            gain=_PROMISE,
-            hard=-inf if before == inf else _PROMISE,  # the last digits are for those that are finished
-        )
+        hard = -inf if before == inf else _PROMISE  # the last digits are for those that are finished
+        polish = Polish(lambda x: self.point(x, kept), local.x, weight=local.weight, gain=_PROMISE, hard=hard)
+        done = polish.run(_POLISHING)
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
         point, fine = self.checked(Point(self.problem, local.x, self.known))
         self.keep(point, complete=True)
@@ -314,7 +294,7 @@ def search(
                 level = float(10.0 ** rng.uniform(*_LEVELS)) if k else _QUIET
                 yield "drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)
 
-        work.from_starts(every(), len(begun) + more, starts > _MANY, rng)
+        work.from_starts(every(), len(begun) + more)
     except OutOfTimeError:
         work.stages.append("out of time")
     except KeyboardInterrupt:
