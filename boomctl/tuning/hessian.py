@@ -27,7 +27,7 @@ def peak_hessian(point: Point, piece: Piece) -> Array:
     mixed = a @ around @ b.T
     second = np.real(mixed + mixed.T) + point.bends(model, np.outer(before, after).real)
     gradient = np.real(a @ after)
-    curve = point.curve(model, piece.channel)
+    curve = point.curves[model, piece.channel]
     moving = np.isfinite(omega) and omega > 0.0 and len(curve.A) > 0
     if moving:
         twofold = -1j * curve.through_states(np.array([omega]), 2)[0]

@@ -151,10 +151,8 @@ class Point:
     def bends(self, model: int, weights: Array) -> Array:
         """Return second derivatives of the sum of the entries of the same times weights."""
         r, c = self.controller.shape
-        matrix, moving = self.problem.matrix, None if model == CONTROLLER else self.plants[model].bends
-        result = np.zeros((len(self.x), len(self.x)))
-        if not matrix.straight:
-            result += matrix.bends(self.x, weights[:r, :c])
+        result = self.problem.matrix.bends(self.x, weights[:r, :c])
+        moving = None if model == CONTROLLER else self.plants[model].bends
         if moving is not None:
             result[np.ix_(self.problem.physical, self.problem.physical)] += np.tensordot(moving, weights[r:, c:], 2)
         return result
@@ -172,7 +170,7 @@ class Point:
             return False
         for model in self._models:
             loop = self.loop(model)
-            if self._curves:
+            if self.curves:
                 _ = loop.coordinates  # which peaks ask for next, and hold the poles
             if not loop.abscissa < -loop.margin:
                 return False
@@ -232,7 +230,7 @@ class Point:
 
     # -- norms -----------------------------------------------------------------------------------------------------
     @cached_property
-    def _curves(self) -> dict[tuple[int, int], Response]:
+    def curves(self) -> dict[tuple[int, int], Response]:
         """The channels whose H-infinity norm counts by model and channel, the controller's own last."""
         problem, result = self.problem, {}
         for i in self._models:
@@ -244,10 +242,6 @@ class Point:
             rows, columns = map(np.arange, problem.ports.shape)
             result[CONTROLLER, GAIN_LIMIT] = Response(self.loop(CONTROLLER), rows, columns, np.zeros(0))
         return result
-
-    def curve(self, model: int, channel: int) -> Response:
-        """Return a channel of a loop."""
-        return self._curves[model, channel]
 
     @cached_property
     def squares(self) -> list[Height]:
@@ -261,18 +255,18 @@ class Point:
 
     def _peak(self, pair: tuple[int, int]) -> Height:
         """Return the highest peak of a channel."""
-        at, values = self._curves[pair].peaks
+        at, values = self.curves[pair].peaks
         return Height(*pair, float(at[0]), self._scaled(pair[1], float(values[0])))
 
     @cached_property
     def norms(self) -> list[Height]:
         """All norms."""
-        return [*map(self._peak, self._curves), *self.squares]
+        return [*map(self._peak, self.curves), *self.squares]
 
     def _highest(self, limits: bool) -> Height | None:
         """Return the highest objective, or the highest of what is limited."""
-        pairs = [pair for pair in self._curves if self.problem.is_limit(pair[1]) == limits]
-        rough = [(self._scaled(pair[1], self._curves[pair].coarse[2]), pair) for pair in pairs]
+        pairs = [pair for pair in self.curves if self.problem.is_limit(pair[1]) == limits]
+        rough = [(self._scaled(pair[1], self.curves[pair].coarse[2]), pair) for pair in pairs]
         of_poles = self.bounds if limits else []
         found = [*(item for item in self.squares if self.problem.is_limit(item.channel) == limits), *of_poles]
         best = max(found, key=lambda item: item.value, default=None)
@@ -323,7 +317,7 @@ class Point:
         Beside the peaks these are frequencies that are asked for, and those of the grid within the share ``between``.
         """
         result: list[Piece] = []
-        for pair, curve in self._curves.items():
+        for pair, curve in self.curves.items():
             high = self._near(pair, window)[0]
             others = sorted(at for *there, at in asked or () if tuple(there) == pair)
             if between and high:
@@ -338,14 +332,14 @@ class Point:
     def tops(self, window: float) -> list[Height]:
         """Return the pieces of a window that are the largest singular value itself, without their gradients."""
         result = []
-        for pair in self._curves:
+        for pair in self.curves:
             near = zip(*self._near(pair, window), strict=True)
             result += [Height(*pair, at, self._scaled(pair[1], value)) for at, value in near]
         return [*result, *self.squares, *self.bounds]
 
     def _near(self, pair: tuple[int, int], window: float) -> tuple[list[float], list[float]]:
         """Return frequencies and values of a channel's peaks within a share of what counts."""
-        level, curve = self._level(pair[1]), self._curves[pair]
+        level, curve = self._level(pair[1]), self.curves[pair]
         if log(max(curve.coarse[2], _TINY)) < level + log((1.0 - window) * BELOW):
             return [], []
         at, values = curve.peaks
@@ -361,7 +355,7 @@ class Point:
         if not wanted:
             return []
         seen: list[tuple[Passage, float, Array, Array, float, bool]] = []
-        passages = self._curves[pair].passages(np.array([at for at, _ in wanted]))
+        passages = self.curves[pair].passages(np.array([at for at, _ in wanted]))
         for (at, window), passage in zip(wanted, passages, strict=True):
             U, V, values = passage.U.T, passage.Vh.conj(), passage.values.tolist()
             seen.append((passage, at, U[0], V[0], values[0], True))

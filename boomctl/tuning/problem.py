@@ -1,6 +1,6 @@
 """What is tuned: plants, a structure between them in well-chosen units, and what its free numbers are."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import log
@@ -144,17 +144,12 @@ class Problem:
         return Lti(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], *labels)
 
 
-def band_of(systems: Sequence[Lti]) -> tuple[Array, Array]:
-    """Return the rates of the poles of systems, and frequencies around all of these at which the systems are looked at."""
-    sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in (np.abs(s.poles) for s in systems)]
-    rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
-    return rates, np.geomspace(rates.min() / 3.0, rates.max() * 3.0, _POINTS)
-
-
 def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
     """Return the ports of a controller: the sizes of its signals are such that ``P22`` is near one in the plant's band."""
-    rates, omega = band_of([plant.system for plant in plants])
-    first = plants[0]
+    poles = (np.abs(plant.system.poles) for plant in plants)
+    sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in poles]
+    rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
+    omega, first = np.geomspace(rates.min() / 3.0, rates.max() * 3.0, _POINTS), plants[0]
     rows, columns = np.zeros(first.nmeas), np.zeros(first.ncon)
     if first.nmeas and first.ncon:
         size = np.zeros((first.nmeas, first.ncon))
