@@ -41,7 +41,7 @@ def filtered(gains: ca.SX, A: ca.SX, B: ca.SX, C: ca.SX, D: float | ca.SX) -> Bl
 def parallel(*blocks: Block) -> Block:
     """Return the sum of blocks between the same signals."""
     A, B, C, D = zip(*blocks, strict=True)
-    return Block(ca.diagcat(*A), ca.vertcat(*B), ca.horzcat(*C), sum(D[1:], start=D[0]))
+    return Block(ca.diagcat(*A), ca.vertcat(*B), ca.horzcat(*C), sum(D[1:], start=D[0]))  # type: ignore[arg-type]
 
 
 def series(last: Block, first: Block) -> Block:

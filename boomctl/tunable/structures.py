@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise, product
 from math import exp, inf, log
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 import casadi as ca
 import numpy as np
@@ -112,6 +112,7 @@ class Ports:
         return (self.slowest / _SPAN if low is None else low), (self.fastest * _SPAN if high is None else high)
 
 
+Vector = TypeVar("Vector", Array, ca.SX)
 Realization: TypeAlias = tuple[ca.SX, ca.SX, ca.SX, float | ca.SX]
 """Matrices A, B, C and D of a filter."""
 
@@ -152,8 +153,9 @@ class ControllerForm:
             elif free.kind == PHYSICAL and quiet:
                 result.append(0.0)
             else:
-                inner = np.clip(band, low, high) if free.kind == RATE else (low, high)
-                result.append(rng.uniform(*(inner if inner[0] < inner[1] else (low, high))))
+                inner = np.clip(band, low, high) if free.kind == RATE else np.array([low, high])
+                low, high = inner if inner[0] < inner[1] else (low, high)
+                result.append(rng.uniform(low, high))
         return np.array(result)
 
     def lower(self) -> "ControllerForm | None":
@@ -202,7 +204,7 @@ def _each(name: str, rows: Iterable[object], acts: Array, columns: Iterable[obje
     return [Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read)) for (u, act), (y, read) in ends]
 
 
-def _cut(x: Array, sizes: list[int]) -> list[Array]:
+def _cut(x: Vector, sizes: list[int]) -> list[Vector]:
     """Return a vector in pieces."""
     return [x[start:end] for start, end in pairwise(np.cumsum([0, *sizes]).tolist())]
 
@@ -321,7 +323,7 @@ class StateSpace(ControllerForm):
     order: int
     strictly_proper: bool = False
 
-    def _split(self, x: Array, ports: Ports) -> list[Array]:
+    def _split(self, x: Vector, ports: Ports) -> list[Vector]:
         """Return the parts of a vector that are A, B, C and D, each row by row."""
         (rows, columns), n = ports.shape, self.order
         return _cut(x, [n * n, n * columns, rows * n, 0 if self.strictly_proper else rows * columns])
@@ -417,7 +419,7 @@ class Composed(ControllerForm):
             for free in group
         )
 
-    def split(self, x: Array, ports: Ports) -> list[Array]:
+    def split(self, x: Vector, ports: Ports) -> list[Vector]:
         """Return the numbers of each part."""
         return _cut(x, [len(part.free(own)) for part, own in self.placed(ports)])
 

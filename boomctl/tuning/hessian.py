@@ -25,7 +25,7 @@ def peak_hessian(point: Point, piece: Piece) -> Array:
     a, b = before @ slopes, slopes @ after  # of the change by every free number, from the left and from the right
     alpha, beta = a @ right, b @ left.T  # u^H G_i and G_i v
     mixed = a @ around @ b.T
-    second = np.real(mixed + mixed.T) + point.bends(model, np.outer(before, after).real)
+    second = np.real(mixed + mixed.T) + point.bends(model, np.real(np.outer(before, after)))
     gradient = np.real(a @ after)
     curve = point.curves[model, piece.channel]
     moving = np.isfinite(omega) and omega > 0.0 and len(curve.A) > 0

@@ -67,7 +67,7 @@ class PlantPolynomial:
             if miss <= _EXACT:
                 break
         else:
-            raise ValueError(f"P: polynomials of degree {degree} miss it")
+            raise ValueError(f"P: polynomials of degree {_DEGREES[-1]} miss it")
         p = ca.SX.sym("p", size)
         powers = ca.vertcat(*(ca.mtimes([ca.SX(1), *(p[i] for i in term)]) for term in terms["P"]))
         slopes = ca.jacobian(powers, p)

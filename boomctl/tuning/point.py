@@ -121,7 +121,8 @@ class Point:
     def loops(self) -> list[Closed | None]:
         """The closed loops, None where one is not well-posed; last the controller by itself."""
         K, n = self.controller, self.problem.order
-        alone = Closed(*(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:]), *map(np.eye, K.shape), np.zeros(K.T.shape))
+        around = np.eye(K.shape[0]), np.eye(K.shape[1]), np.zeros(K.T.shape)
+        alone = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], *around)
         return [*(close(plant, K) for plant in self.plants), alone]
 
     @property

@@ -419,7 +419,10 @@ REFUSED = [
         lambda: tuned_from(T.state_space(1), 1, inputs=["v"]),
         "initial_controller: expected 1 .*, y, got v",
     ),
-    (lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2), "initial_controller: expected 1 .*, y, got u.0., u"),
+    (
+        lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2),
+        "initial_controller: expected 1 .*, y, got u.0., u",
+    ),
     (lambda: tuned_from(T.state_space(1), 1, dt=0.1), "initial_controller: .*expected continuous time"),
 ]
 
