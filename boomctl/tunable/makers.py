@@ -241,7 +241,7 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     >>> bc.tunable.gain() + bc.tunable.plant_parameter("hinge_damping", 1.0, 3000.0)
     Sum(Gain, Physical hinge_damping 1 to 3000)
     """
-    given, start, end = signal_name("parameter", name), real("omega_min", low), real("omega_max", high)
+    given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
     if start >= end:
         raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {given}")
     return Physical(given, start, end)
@@ -250,7 +250,7 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
 def _ends(low: object, high: object) -> tuple[float | None, float | None]:
     result = None if low is None else positive("omega_min", low), None if high is None else positive("omega_max", high)
     if result[0] is not None and result[1] is not None and result[0] >= result[1]:
-        raise ValueError(f"low, high = {result[0]:g}, {result[1]:g}: expected ascending ends")
+        raise ValueError(f"omega_min, omega_max = {result[0]:g}, {result[1]:g}: expected ascending ends")
     return result
 
 

@@ -427,6 +427,19 @@ REFUSED = [
 ]
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: T.plant_parameter("c", np.nan, 1.0), "low = nan"),
+        (lambda: T.plant_parameter("c", 1.0, 1.0), "low, high = 1, 1"),
+        (lambda: T.notch(2.0, 1.0), "omega_min, omega_max = 2, 1"),
+    ],
+)
+def test_range_that_is_none_refused_by_the_name_of_its_ends(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
+
+
 @pytest.mark.parametrize(("call", "words"), REFUSED)
 def test_combination_that_is_impossible_refused_in_one_line(call, words):
     with pytest.raises((TypeError, ValueError, SynthesisError), match=words) as caught:
