@@ -22,6 +22,7 @@ from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 _MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning begins from all corners of the box.
 _DEGREES = (1, 2, 4, 8, 16, 32)  # of polynomials, tried in turn: springs, products of two, masses, positions (a choice)
 _ROUNDING = 1e-14  # share of a row's size up to which a coefficient is rounding: 1e2 eps
+_MOST = 400  # plants made for one polynomial at most (a choice of patience)
 _KEPT = 16  # sets of plants that are kept: the last few points of the search (a choice)
 _EXACT = 1e3  # times that by which a polynomial may miss plants: far below what is tuned to (a choice)
 
@@ -52,6 +53,8 @@ class PlantPolynomial:
         def at(points: Sequence[Array]) -> dict[str, Array]:
             for point in points:
                 if point.tobytes() not in made:
+                    if len(made) == _MOST:
+                        raise ValueError(f"{_MOST} plants do not determine them")
                     s = make(point).system
                     rows = np.concatenate([1.0 / self._scales, np.ones(len(s.C))])[:, None]
                     columns = np.concatenate([self._scales, np.ones(s.B.shape[1])])
@@ -67,7 +70,7 @@ class PlantPolynomial:
             if miss <= _EXACT:
                 break
         else:
-            raise ValueError(f"P: polynomials of degree {_DEGREES[-1]} miss it")
+            raise ValueError(f"polynomials of degree {_DEGREES[-1]} miss them")
         p = ca.SX.sym("p", size)
         powers = ca.vertcat(*(ca.mtimes([ca.SX(1), *(p[i] for i in term)]) for term in terms["P"]))
         slopes = ca.jacobian(powers, p)
@@ -122,8 +125,9 @@ class Model:
             return PlantPolynomial(self.given, len(self.physical))
         except ValueError as error:
             names, where = ", ".join(item.name for item in self.physical), f" of {self.label}" if self.label else ""
+            reason = " ".join(str(error).split())
             raise ValueError(
-                f"`P` must return plants{where} whose matrices are polynomials of {names}, got others ({error}). Give"
+                f"`P` must return plants{where} whose matrices are polynomials of {names}, got others ({reason}). Give"
                 ' them the same states everywhere, as `model.to_statespace(states="coordinates")` does.'
             ) from None
 
