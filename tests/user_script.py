@@ -134,7 +134,6 @@ T = bc.tunable
 parts = [
     T.gain(),
     T.pid(),
-    T.lead(),
     T.notch(),
     T.ppf(),
     T.state_space(2),

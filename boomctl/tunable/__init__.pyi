@@ -4,7 +4,6 @@ from boomctl.synthesis.plants.channels import constraint as constraint
 from boomctl.synthesis.plants.channels import objective as objective
 from boomctl.tunable.makers import decentralized as decentralized
 from boomctl.tunable.makers import gain as gain
-from boomctl.tunable.makers import lead as lead
 from boomctl.tunable.makers import notch as notch
 from boomctl.tunable.makers import pid as pid
 from boomctl.tunable.makers import plant_parameter as plant_parameter

@@ -8,7 +8,6 @@ from boomctl.tunable.structures import (
     ControllerForm,
     Decentralized,
     Gain,
-    Lead,
     Notch,
     Physical,
     Pid,
@@ -67,33 +66,6 @@ def pid(
     Series(Pid, Notch)
     """
     return Pid(truth("integral", integral), truth("derivative", derivative), *_ends(omega_min, omega_max))
-
-
-def lead(omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
-    """Return gains behind a lead or lag, ``G (s/z + 1)/(s/p + 1)``.
-
-    Parameters
-    ----------
-    omega_min, omega_max : float, optional
-        Ends of the range of zero ``z`` and pole ``p`` [rad/s]; by default a hundred times the plant's band.
-
-    Returns
-    -------
-    ControllerForm
-        For :func:`boomctl.tune`.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Ends that are not positive and ascending.
-
-    Examples
-    --------
-    >>> import boomctl as bc
-    >>> bc.tunable.lead(1.0, 100.0)
-    Lead(low=1, high=100)
-    """
-    return Lead(*_ends(omega_min, omega_max))
 
 
 def notch(omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
@@ -242,11 +214,9 @@ def decentralized(
 def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     """Return a parameter of the plant that is tuned with the controller, or without one.
 
-    Where the plant's matrices are polynomials of the parameters, or as smooth as such, as springs, dampers, masses and
-    positions make them, their derivatives are exact, and the plants are made a few times only: so it is with parameters of a
-    family, and with a function whose plants have the same states everywhere, such as
-    ``to_statespace(states="coordinates")``.  Otherwise derivatives of responses are differences of fourth order, for which
-    plants are made at each step.  The certificate's ``stages`` says which.
+    The plant's matrices must be polynomials of the parameters, or as smooth, as springs, dampers, masses and positions make
+    them, up to degree 32.  So they are with parameters of a family, and with a function whose plants have the same states
+    everywhere, such as ``to_statespace(states="coordinates")``; others are refused.
 
     Parameters
     ----------
@@ -271,7 +241,7 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     >>> bc.tunable.gain() + bc.tunable.plant_parameter("hinge_damping", 1.0, 3000.0)
     Sum(Gain, Physical hinge_damping 1 to 3000)
     """
-    given, start, end = signal_name("parameter", name), real("omega_min", low), real("omega_max", high)
+    given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
     if start >= end:
         raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {given}")
     return Physical(given, start, end)
@@ -280,7 +250,7 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
 def _ends(low: object, high: object) -> tuple[float | None, float | None]:
     result = None if low is None else positive("omega_min", low), None if high is None else positive("omega_max", high)
     if result[0] is not None and result[1] is not None and result[0] >= result[1]:
-        raise ValueError(f"low, high = {result[0]:g}, {result[1]:g}: expected ascending ends")
+        raise ValueError(f"omega_min, omega_max = {result[0]:g}, {result[1]:g}: expected ascending ends")
     return result
 
 

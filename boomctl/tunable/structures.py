@@ -1,20 +1,24 @@
-"""Structures of controllers: what their free numbers are, and the system that these make, with its derivatives."""
+"""Structures of controllers: their free numbers, and the system that these make as CasADi expressions."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise, product
 from math import exp, inf, log
+from typing import TypeAlias, TypeVar
 
+import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import instance
+from boomctl.checks import instance, known
 from boomctl.printing import listed
-from boomctl.tunable.jets import Jet, SystemJet, entries, fixed, repeated, static
+from boomctl.tunable.blocks import Block, filtered, parallel, series, static
 
 GAIN, RATE, RATIO, PHYSICAL = "gain", "rate", "ratio", "physical"
 _SPAN = 100.0  # times the plant's own band, to either side: where rates may lie that nobody bounds (a choice)
 _DAMPING = (0.05, 2.0)  # damping ratios of a positive position feedback (a choice: a filter, and no second resonance)
 _DEEP, _WIDE = (1e-3, 1.0), (0.02, 3.0)  # damping ratios of a notch's zeros and poles (choices)
+_DAMPED = (0.1, 1.0)  # damping ratios of the modes of a drawn state space (a choice)
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,10 @@ class Free:
                 0.5 * (1.0 - float(x)) * self.low + 0.5 * (1.0 + float(x)) * self.high
             )  # at -1 and 1 the ends themselves
         return self.scale * float(x)
+
+    def expression(self, x: ca.SX) -> ca.SX:
+        """Return the value of a gain, a rate or a ratio as an expression of the search's number."""
+        return ca.exp(x) if self.logarithmic else self.scale * x
 
     def number(self, value: float) -> float:
         """Return the number of the search that stands for a value."""
@@ -104,6 +112,11 @@ class Ports:
         return (self.slowest / _SPAN if low is None else low), (self.fastest * _SPAN if high is None else high)
 
 
+Vector = TypeVar("Vector", Array, ca.SX)
+Realization: TypeAlias = tuple[ca.SX, ca.SX, ca.SX, float | ca.SX]
+"""Matrices A, B, C and D of a filter."""
+
+
 class ControllerForm:
     """What a controller is made of: parts can be added, and put in series by ``*``, the right one reading first."""
 
@@ -113,13 +126,45 @@ class ControllerForm:
         """Return the free numbers."""
         raise NotImplementedError
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        """Return the system that free numbers make, in the units of the signals."""
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        """Return the system that values of the free numbers make, in the units of the signals."""
         raise NotImplementedError
 
     def physicals(self) -> "tuple[Physical, ...]":
         """Return the physical parameters among the parts."""
         return ()
+
+    def check(self, ports: Ports) -> None:
+        """Refuse signals that the structure cannot stand between."""
+        if self.square and len(ports.measurements) != len(ports.controls):
+            raise ValueError(
+                f"structure: a filter without gains between {len(ports.measurements)} measurement(s) and"
+                f" {len(ports.controls)} control(s); put it in series with a gain"
+            )
+
+    def drawn(self, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
+        """Return free numbers to begin with: gains of about ``level`` natural sizes, rates within the plant's band."""
+        result = []
+        band = np.log([ports.slowest, ports.fastest])
+        for free in self.free(ports):
+            low, high = free.ends()
+            if free.kind == GAIN:
+                result.append(level * rng.normal())
+            elif free.kind == PHYSICAL and quiet:
+                result.append(0.0)
+            else:
+                inner = np.clip(band, low, high) if free.kind == RATE else np.array([low, high])
+                low, high = inner if inner[0] < inner[1] else (low, high)
+                result.append(rng.uniform(low, high))
+        return np.array(result)
+
+    def lower(self) -> "ControllerForm | None":
+        """Return the structure with a state less, where there is one."""
+        return None
+
+    def grown(self, x: Array, ports: Ports, rng: np.random.Generator) -> Array:
+        """Return free numbers of `lower` as those of the structure itself, whose new state is driven but does not act."""
+        raise NotImplementedError
 
     @property
     def text(self) -> str:
@@ -137,45 +182,74 @@ class ControllerForm:
 
     def __add__(self, other: object) -> "Sum":
         added = instance("structure", other, ControllerForm, "a structure to add")
-        return Sum((*_parts(self), *_parts(added)))
+        return Sum((*terms(self), *terms(added)))
 
     def __mul__(self, other: object) -> "Series":
         first = instance("structure", other, ControllerForm, "a structure to put in series")
         if self.physicals() or first.physicals():
             raise ValueError("structure: a physical parameter cannot stand in a series; add it")
+        if isinstance(self, Decentralized) or isinstance(first, Decentralized):
+            raise ValueError("structure: decentralized cannot stand in a series; put the series into it")
         return Series(self, first)
 
 
-def _parts(structure: ControllerForm) -> tuple[ControllerForm, ...]:
+def terms(structure: ControllerForm) -> tuple[ControllerForm, ...]:
+    """Return the parts of a sum, or the structure itself."""
     return structure.parts if isinstance(structure, Sum) else (structure,)
 
 
-def _each(ports: Ports, name: str, rate: float = 1.0) -> tuple[Free, ...]:
-    """Return a free gain from each measurement to each control."""
-    return tuple(
-        Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read) * rate)
-        for u, act in zip(ports.controls, ports.acts, strict=True)
-        for y, read in zip(ports.measurements, ports.reads, strict=True)
-    )
+def _each(name: str, rows: Iterable[object], acts: Array, columns: Iterable[object], reads: Array) -> list[Free]:
+    """Return free gains between signals, or their numbers, of some sizes."""
+    ends = product(zip(rows, acts, strict=True), zip(columns, reads, strict=True))
+    return [Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read)) for (u, act), (y, read) in ends]
 
 
-def _scaled(jet: Jet, ports: Ports) -> Jet:
-    return jet.times(ports.acts, 1.0 / ports.reads)
+def _cut(x: Vector, sizes: list[int]) -> list[Vector]:
+    """Return a vector in pieces."""
+    return [x[start:end] for start, end in pairwise(np.cumsum([0, *sizes]).tolist())]
 
 
-@dataclass(frozen=True, repr=False)
-class Gain(ControllerForm):
-    """A matrix of gains."""
+def _by_rows(values: ca.SX, rows: int, columns: int) -> ca.SX:
+    return ca.reshape(values, columns, rows).T
+
+
+# name of the gains, rate that is one in their natural size, further free numbers, and the filter that these make
+Term: TypeAlias = tuple[str, float, tuple[Free, ...], Callable[..., Realization]]
+
+
+class Filtered(ControllerForm):
+    """A sum of terms: gains from each measurement to each control, behind a filter on each measurement."""
+
+    def terms(self, ports: Ports) -> list[Term]:
+        """Return the terms."""
+        raise NotImplementedError
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        return _each(ports, "gain")
+        result: list[Free] = []
+        for name, rate, own, _ in self.terms(ports):
+            result += [*_each(name, ports.controls, rate * ports.acts, ports.measurements, ports.reads), *own]
+        return tuple(result)
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        return static(_scaled(entries(x, *ports.shape), ports))
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        size, start, result, numbers = len(ports.acts) * len(ports.reads), 0, [], ca.vertsplit(values)
+        for _, _, own, realization in self.terms(ports):
+            end = start + size + len(own)
+            gains = _by_rows(values[start : start + size], *ports.shape)
+            result.append(filtered(gains, *realization(*numbers[start + size : end])))
+            start = end
+        return parallel(*result)
 
 
 @dataclass(frozen=True, repr=False)
-class Pid(ControllerForm):
+class Gain(Filtered):
+    """A matrix of gains."""
+
+    def terms(self, ports: Ports) -> list[Term]:
+        return [("gain", 1.0, (), _passed)]
+
+
+@dataclass(frozen=True, repr=False)
+class Pid(Filtered):
     """Proportional, integral and filtered derivative gains."""
 
     integral: bool = True
@@ -183,65 +257,43 @@ class Pid(ControllerForm):
     low: float | None = None
     high: float | None = None
 
-    def free(self, ports: Ports) -> tuple[Free, ...]:
-        result = _each(ports, "proportional")
-        if self.integral:
-            result += _each(ports, "integral", ports.rate)
-        if self.derivative:
-            result += (
-                *_each(ports, "derivative", 1.0 / ports.rate),
-                Free("filter", RATE, *ports.rates(self.low, self.high)),
-            )
-        return result
-
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        (rows, columns), k = ports.shape, len(x)
-        size, unit = rows * columns, np.eye(columns)
-        result = static(_scaled(entries(x, rows, columns, 0, k), ports))
-        start = size
-        if self.integral:
-            C = _scaled(entries(x * ports.rate, rows, columns, start, k), ports)
-            C = Jet(C.value, C.slopes * ports.rate)
-            still = fixed(np.zeros((columns, columns)), k)
-            result = result.beside(SystemJet(still, fixed(unit, k), C, fixed(np.zeros((rows, columns)), k)))
-            start += size
-        if self.derivative:
-            rate, by = exp(x[-1]), np.zeros((k, 1, 1))
-            by[-1] = rate
-            corner = Jet(rate * unit, by * unit)
-            gains = _scaled(entries(x / ports.rate, rows, columns, start, k), ports)
-            gains = Jet(gains.value, gains.slopes / ports.rate)
-            direct = gains @ corner
-            result = result.beside(
-                SystemJet(Jet(-corner.value, -corner.slopes), corner, Jet(-direct.value, -direct.slopes), direct)
-            )
-        return result
+    def terms(self, ports: Ports) -> list[Term]:
+        corner = Free("filter", RATE, *ports.rates(self.low, self.high))
+        result: list[Term] = [("proportional", 1.0, (), _passed)]
+        result += [("integral", ports.rate, (), _integrated)] if self.integral else []
+        return result + ([("derivative", 1.0 / ports.rate, (corner,), _differentiated)] if self.derivative else [])
 
 
 @dataclass(frozen=True, repr=False)
-class Lead(ControllerForm):
-    """A gain with a zero and a pole: ``G (s/z + 1)/(s/p + 1)``."""
+class Ppf(Filtered):
+    """Positive position feedback: ``G w^2/(s^2 + 2 z w s + w^2)``, a sum of one or more."""
 
+    modes: int = 1
     low: float | None = None
     high: float | None = None
 
-    def free(self, ports: Ports) -> tuple[Free, ...]:
+    def terms(self, ports: Ports) -> list[Term]:
         ends = ports.rates(self.low, self.high)
-        return (*_each(ports, "gain"), Free("zero", RATE, *ends), Free("pole", RATE, *ends))
+        tags = [""] if self.modes == 1 else [str(i + 1) for i in range(self.modes)]
+        own = [(Free(f"frequency{tag}", RATE, *ends), Free(f"damping{tag}", RATIO, *_DAMPING)) for tag in tags]
+        return [(f"ppf{tag}", 1.0, each, _resonated) for tag, each in zip(tags, own, strict=True)]
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        (rows, columns), k = ports.shape, len(x)
-        zero, pole, unit = exp(x[-2]), exp(x[-1]), np.eye(columns)
-        by_pole, by_zero = np.zeros((k, 1, 1)), np.zeros((k, 1, 1))
-        by_pole[-1], by_zero[-2] = 1.0, 1.0
-        corner = Jet(pole * unit, pole * by_pole * unit)
-        # (s/z + 1)/(s/p + 1) = p/z + (1 - p/z) p/(s + p)
-        ratio = pole / zero
-        slope = ratio * (by_pole - by_zero)
-        through = Jet(ratio * unit, slope * unit)
-        rest = Jet((1.0 - ratio) * unit, -slope * unit)
-        system = SystemJet(Jet(-corner.value, -corner.slopes), corner, rest, through)
-        return static(_scaled(entries(x, rows, columns, 0, k), ports)).after(system)
+
+def _passed() -> Realization:
+    return ca.SX(0, 0), ca.SX(0, 1), ca.SX(1, 0), 1.0
+
+
+def _integrated() -> Realization:
+    return ca.SX(1, 1), ca.SX(1), ca.SX(1), 0.0
+
+
+def _differentiated(corner: ca.SX) -> Realization:
+    return -corner, corner, -corner, corner
+
+
+def _resonated(rate: ca.SX, damping: ca.SX) -> Realization:
+    A = ca.blockcat([[0.0, rate], [-rate, -2.0 * damping * rate]])
+    return A, ca.vertcat(0.0, rate), ca.SX([[1.0, 0.0]]), 0.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -256,52 +308,12 @@ class Notch(ControllerForm):
         ends = ports.rates(self.low, self.high)
         return (Free("notch", RATE, *ends), Free("depth", RATIO, *_DEEP), Free("width", RATIO, *_WIDE))
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        rate, deep, wide = (exp(value) for value in x)
-        A = Jet(np.array([[0.0, rate], [-rate, -2.0 * wide * rate]]), np.zeros((3, 2, 2)))
-        A.slopes[0] = A.value
-        A.slopes[2, 1, 1] = -2.0 * wide * rate
-        B = Jet(np.array([[0.0], [1.0]]), np.zeros((3, 2, 1)))
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        rate, deep, wide = ca.vertsplit(values)
+        A, _, _, _ = _resonated(rate, wide)
         # the numerator less the denominator: 2 (a - b) w s; with the states w x1 = s^-1 x2, that is 2 (a - b) w x2
-        gain = 2.0 * (deep - wide) * rate
-        C = Jet(np.array([[0.0, gain]]), np.zeros((3, 1, 2)))
-        C.slopes[0, 0, 1], C.slopes[1, 0, 1], C.slopes[2, 0, 1] = gain, 2.0 * deep * rate, -2.0 * wide * rate
-        return repeated(SystemJet(A, B, C, fixed(np.ones((1, 1)), 3)), ports.shape[0])
-
-
-@dataclass(frozen=True, repr=False)
-class Ppf(ControllerForm):
-    """Positive position feedback: ``G w^2/(s^2 + 2 z w s + w^2)``, a sum of one or more."""
-
-    modes: int = 1
-    low: float | None = None
-    high: float | None = None
-
-    def free(self, ports: Ports) -> tuple[Free, ...]:
-        result: tuple[Free, ...] = ()
-        for i in range(self.modes):
-            tag = "" if self.modes == 1 else f"{i + 1}"
-            result += _each(ports, f"ppf{tag}")
-            result += (Free(f"frequency{tag}", RATE, *ports.rates(self.low, self.high)),)
-            result += (Free(f"damping{tag}", RATIO, *_DAMPING),)
-        return result
-
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        (rows, columns), k = ports.shape, len(x)
-        size, result = rows * columns, None
-        for start in range(0, k, size + 2):
-            rate, damping = exp(x[start + size]), exp(x[start + size + 1])
-            A = Jet(np.array([[0.0, rate], [-rate, -2.0 * damping * rate]]), np.zeros((k, 2, 2)))
-            A.slopes[start + size] = A.value
-            A.slopes[start + size + 1, 1, 1] = -2.0 * damping * rate
-            B = Jet(np.array([[0.0], [rate]]), np.zeros((k, 2, 1)))
-            B.slopes[start + size, 1, 0] = rate
-            C = fixed(np.array([[1.0, 0.0]]), k)
-            filters = repeated(SystemJet(A, B, C, fixed(np.zeros((1, 1)), k)), columns)
-            mode = static(_scaled(entries(x, rows, columns, start, k), ports)).after(filters)
-            result = mode if result is None else result.beside(mode)
-        assert result is not None
-        return result
+        C = ca.horzcat(0.0, 2.0 * (deep - wide) * rate)
+        return filtered(ca.SX.eye(len(ports.acts)), A, ca.SX([0.0, 1.0]), C, 1.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -311,32 +323,56 @@ class StateSpace(ControllerForm):
     order: int
     strictly_proper: bool = False
 
-    def free(self, ports: Ports) -> tuple[Free, ...]:
-        states, rate, acts, reads = np.ones(self.order), ports.rate, ports.acts, ports.reads
-        parts = {
-            "A": rate * np.outer(states, states),
-            "B": rate * np.outer(states, 1.0 / reads),
-            "C": np.outer(acts, states),
-            "D": np.outer(acts, 1.0 / reads),
-        }
-        kept = [letter for letter in parts if letter != "D" or not self.strictly_proper]
-        return tuple(
-            Free(f"{letter}[{i}, {j}]", GAIN, scale=float(parts[letter][i, j]))
-            for letter in kept
-            for i in range(parts[letter].shape[0])
-            for j in range(parts[letter].shape[1])
-        )
+    def _split(self, x: Vector, ports: Ports) -> list[Vector]:
+        """Return the parts of a vector that are A, B, C and D, each row by row."""
+        (rows, columns), n = ports.shape, self.order
+        return _cut(x, [n * n, n * columns, rows * n, 0 if self.strictly_proper else rows * columns])
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        (rows, columns), n, k = ports.shape, self.order, len(x)
-        rate, one = np.full(n, ports.rate), np.ones(n)
-        A = entries(x, n, n, 0, k).times(rate, one)
-        B = entries(x, n, columns, n * n, k).times(rate, 1.0 / ports.reads)
-        C = entries(x, rows, n, n * (n + columns), k).times(ports.acts, one)
-        if self.strictly_proper:
-            return SystemJet(A, B, C, fixed(np.zeros((rows, columns)), k))
-        D = entries(x, rows, columns, n * (n + columns + rows), k)
-        return SystemJet(A, B, C, _scaled(D, ports))
+    def free(self, ports: Ports) -> tuple[Free, ...]:
+        (rows, columns), n, one = map(range, ports.shape), range(self.order), np.ones(self.order)
+        parts = [*_each("A", n, ports.rate * one, n, one), *_each("B", n, ports.rate * one, columns, ports.reads)]
+        parts += _each("C", rows, ports.acts, n, one)
+        return (*parts, *([] if self.strictly_proper else _each("D", rows, ports.acts, columns, ports.reads)))
+
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        (rows, columns), n = ports.shape, self.order
+        A, B, C, D = self._split(values, ports)
+        through = ca.SX(rows, columns) if self.strictly_proper else _by_rows(D, rows, columns)
+        return Block(_by_rows(A, n, n), _by_rows(B, n, columns), _by_rows(C, rows, n), through)
+
+    def drawn(self, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
+        (rows, columns), n = ports.shape, self.order
+        A = np.zeros((n, n))
+        rates = np.exp(rng.uniform(np.log(ports.slowest), np.log(ports.fastest), n)) / ports.rate
+        k = 0
+        while k < n:
+            if k + 1 < n and rng.random() < 0.7:
+                damping = rng.uniform(*_DAMPED)
+                swing = rates[k] * np.sqrt(1.0 - damping**2)
+                A[k : k + 2, k : k + 2] = [[-damping * rates[k], swing], [-swing, -damping * rates[k]]]
+                k += 2
+            else:
+                A[k, k] = -rates[k]
+                k += 1
+        size = np.sqrt(np.maximum(np.abs(A).sum(axis=1), 1e-3))  # so that a mode's own gain is about the level
+        B, C = rng.normal(size=(n, columns)) * size[:, None], level * rng.normal(size=(rows, n)) * size
+        D = level * rng.normal(size=0 if self.strictly_proper else rows * columns)
+        return np.concatenate([A.ravel(), B.ravel(), C.ravel(), D])
+
+    def lower(self) -> ControllerForm | None:
+        if self.order == 1:
+            return None if self.strictly_proper else Gain()
+        return StateSpace(self.order - 1, self.strictly_proper)
+
+    def grown(self, x: Array, ports: Ports, rng: np.random.Generator) -> Array:
+        (rows, columns), old = ports.shape, self.order - 1
+        A, B, C, D = StateSpace(old, self.strictly_proper)._split(x, ports)
+        rate = np.exp(rng.uniform(np.log(ports.slowest), np.log(ports.fastest))) / ports.rate
+        states = np.pad(A.reshape(old, old), ((0, 1), (0, 1)))
+        states[-1, -1] = -rate
+        reads = np.append(B, rng.normal(size=columns) * np.sqrt(rate))
+        acts = np.column_stack([C.reshape(rows, old), np.zeros(rows)])
+        return np.concatenate([states.ravel(), reads, acts.ravel(), D])
 
 
 @dataclass(frozen=True, repr=False)
@@ -355,8 +391,8 @@ class Physical(ControllerForm):
     def free(self, ports: Ports) -> tuple[Free, ...]:
         return (self.number,)
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        return static(fixed(np.zeros(ports.shape), 1))
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        return static(ca.SX(*ports.shape))
 
     def physicals(self) -> "tuple[Physical, ...]":
         return (self,)
@@ -369,6 +405,36 @@ class Physical(ControllerForm):
 class Composed(ControllerForm):
     """Structures together, which are shown as their words say."""
 
+    def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
+        """Return the parts that have free numbers of their own, each with what it is put between."""
+        raise NotImplementedError
+
+    def free(self, ports: Ports) -> tuple[Free, ...]:
+        """Return the free numbers of all parts; names that come twice get the number of their part."""
+        groups = [part.free(own) for part, own in self.placed(ports)]
+        names = [free.name for group in groups for free in group]
+        return tuple(
+            replace(free, name=f"{free.name}.{i}") if names.count(free.name) > 1 else free
+            for i, group in enumerate(groups, 1)
+            for free in group
+        )
+
+    def split(self, x: Vector, ports: Ports) -> list[Vector]:
+        """Return the numbers of each part."""
+        return _cut(x, [len(part.free(own)) for part, own in self.placed(ports)])
+
+    def blocks(self, values: ca.SX, ports: Ports) -> list[Block]:
+        """Return the system of each part."""
+        pairs = zip(self.placed(ports), self.split(values, ports), strict=True)
+        return [part.block(own, there) for (part, there), own in pairs]
+
+    def check(self, ports: Ports) -> None:
+        for part, own in self.placed(ports):
+            part.check(own)
+
+    def drawn(self, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
+        return np.concatenate([part.drawn(own, rng, level, quiet) for part, own in self.placed(ports)])
+
     def __repr__(self) -> str:
         return self.text
 
@@ -379,23 +445,33 @@ class Sum(Composed):
 
     parts: tuple[ControllerForm, ...]
 
-    def free(self, ports: Ports) -> tuple[Free, ...]:
-        return _uniquely_named([part.free(ports) for part in self.parts])
-
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        result, start = static(fixed(np.zeros(ports.shape), len(x))), 0
-        for part in self.parts:
-            size = len(part.free(ports))
-            result = result.beside(part.system(x[start : start + size], ports).moved(start, len(x)))
-            start += size
-        return result
-
     @property
     def text(self) -> str:
         return f"Sum({listed([part.text for part in self.parts], 80)})"
 
+    def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
+        return [(part, ports) for part in self.parts]
+
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        return parallel(*self.blocks(values, ports))
+
     def physicals(self) -> tuple[Physical, ...]:
         return tuple(item for part in self.parts for item in part.physicals())
+
+    def lower(self) -> ControllerForm | None:
+        for i, part in enumerate(self.parts):
+            less = part.lower()
+            if less is not None:
+                return Sum((*self.parts[:i], less, *self.parts[i + 1 :]))
+        return None
+
+    def grown(self, x: Array, ports: Ports, rng: np.random.Generator) -> Array:
+        i = next(i for i, part in enumerate(self.parts) if part.lower() is not None)
+        less = self.lower()
+        assert isinstance(less, Sum)
+        result = less.split(x, ports)
+        result[i] = self.parts[i].grown(result[i], ports, rng)
+        return np.concatenate(result)
 
 
 @dataclass(frozen=True, repr=False)
@@ -413,29 +489,22 @@ class Series(Composed):
     def square(self) -> bool:  # type: ignore[override]
         return self.last.square and self.first.square
 
-    def _ports(self, ports: Ports) -> tuple[Ports, Ports]:
-        """Return the ports of either part; between them signals count in ones."""
-        if self.first.square:  # what passes unchanged keeps names and sizes
-            return ports, replace(
-                ports, controls=ports.measurements, acts=np.ones(len(ports.reads)), reads=np.ones(len(ports.reads))
-            )
-        if self.last.square:
-            ones = np.ones(len(ports.acts))
-            return replace(ports, measurements=ports.controls, reads=ones, acts=ones), ports
-        inner = ports.shape[0]
-        names, ones = tuple(f"v{i + 1}" for i in range(inner)), np.ones(inner)
-        behind, before = replace(ports, measurements=names, reads=ones), replace(ports, controls=names, acts=ones)
-        return behind, before
+    def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
+        """Return the parts with their ports; what passes unchanged keeps its names and sizes."""
+        names, sizes = tuple(f"v{i + 1}" for i in range(len(ports.controls))), np.ones(len(ports.controls))
+        if self.first.square:
+            names, sizes = ports.measurements, ports.reads
+        elif self.last.square:
+            names, sizes = ports.controls, ports.acts
+        behind, before = replace(ports, measurements=names, reads=sizes), replace(ports, controls=names, acts=sizes)
+        return [(self.last, behind), (self.first, before)]
 
-    def free(self, ports: Ports) -> tuple[Free, ...]:
-        behind, before = self._ports(ports)
-        return _uniquely_named([self.last.free(behind), self.first.free(before)])
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        return series(*self.blocks(values, ports))
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        behind, before = self._ports(ports)
-        size = len(self.last.free(behind))
-        last = self.last.system(x[:size], behind).moved(0, len(x))
-        return last.after(self.first.system(x[size:], before).moved(size, len(x)))
+    def drawn(self, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
+        one = self.last.square or self.first.square  # of which gains alone are drawn
+        return super().drawn(ports, rng, level if one else level**0.5, quiet)
 
 
 @dataclass(frozen=True, repr=False)
@@ -462,35 +531,29 @@ class Decentralized(Composed):
             for ys, us, structure in self.loops
         ]
 
-    def _own(self, ports: Ports) -> Ports:
-        """Return ports in which the same numbers mean the same gains in the users' units, where loops share them."""
-        if not self.shared:
-            return ports
-        reads, acts = (np.full(len(sizes), np.exp(np.mean(np.log(sizes)))) for sizes in (ports.reads, ports.acts))
-        return replace(ports, reads=reads, acts=acts)
+    def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
+        """Return the parts with their ports; what loops share is in sizes that are the same in all of them."""
+        if self.shared:
+            reads, acts = (np.full(len(sizes), np.exp(np.mean(np.log(sizes)))) for sizes in (ports.reads, ports.acts))
+            ports = replace(ports, reads=reads, acts=acts)
+        result = [(part, ports.part(rows, columns)) for rows, columns, part in self._loops(ports)]
+        return result[:1] if self.shared else result
 
-    def free(self, ports: Ports) -> tuple[Free, ...]:
-        own = self._own(ports)
-        result = [part.free(own.part(rows, columns)) for rows, columns, part in self._loops(ports)]
-        return result[0] if self.shared else _uniquely_named(result)
+    def block(self, values: ca.SX, ports: Ports) -> Block:
+        loops = self._loops(ports)
+        blocks = self.blocks(values, ports) * (len(loops) if self.shared else 1)
+        pairs = zip(loops, blocks, strict=True)
+        return parallel(*(block.between(rows, columns, ports.shape) for (rows, columns, _), block in pairs))
 
-    def system(self, x: Array, ports: Ports) -> SystemJet:
-        result, start, own = static(fixed(np.zeros(ports.shape), len(x))), 0, self._own(ports)
-        for rows, columns, part in self._loops(ports):
-            mine = own.part(rows, columns)
-            size = len(part.free(mine))
-            system = part.system(x[start : start + size], mine).moved(start, len(x))
-            result = result.beside(system.placed(rows, columns, ports.shape))
-            start += 0 if self.shared else size
-        return result
-
-
-def _uniquely_named(groups: list[tuple[Free, ...]]) -> tuple[Free, ...]:
-    """Return free numbers of several parts; names that come twice get the number of their part."""
-    names = [free.name for group in groups for free in group]
-    result = []
-    for i, group in enumerate(groups):
-        for free in group:
-            twice = names.count(free.name) > 1
-            result.append(replace(free, name=f"{free.name}.{i + 1}" if twice else free.name))
-    return tuple(result)
+    def check(self, ports: Ports) -> None:
+        if self.each is not None and len(ports.measurements) != len(ports.controls):
+            raise ValueError(
+                f"decentralized: expected as many measurements as controls, got {len(ports.measurements)} and"
+                f" {len(ports.controls)}; name the signals of each loop"
+            )
+        for measurements, controls, _ in self.loops:
+            for name in measurements:
+                known("measurement", name, ports.measurements)
+            for name in controls:
+                known("control", name, ports.controls)
+        super().check(ports)

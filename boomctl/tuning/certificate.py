@@ -1,6 +1,7 @@
 """What vouches for a tuned controller: norms of the loops as the user handed them in, and what no controller beats."""
 
 from dataclasses import replace
+from math import exp, inf, isfinite, log
 
 import numpy as np
 
@@ -8,17 +9,30 @@ from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.norm import NormBounds, matrices_norm
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
+from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
-from boomctl.progress import Deadline
+from boomctl.printing import count as counted
+from boomctl.progress import Deadline, tell
+from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
 from boomctl.synthesis.hinf.bounds import REFUTED_RTOL
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.channels import Channel, channel_of, places
 from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.tunable.structures import GAIN
 from boomctl.tuning.full_order import full_order_bound
+from boomctl.tuning.point import Point
+from boomctl.tuning.problem import BOUNDS, GAIN_LIMIT
+from boomctl.tuning.result import TuneResult
+from boomctl.tuning.solver.bundle import stationarity
+from boomctl.tuning.solver.search import Search
 
 _EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)
 _LOST = 1e-3  # share of the decay that the same pole had without the controller, below which it has (a choice)
 _SAME_POLE = 0.3  # share of its size within which a pole of the plant is the same (a choice)
+_TELLING = 10.0  # times a bound up to which a norm so far above it says something of it (a choice)
+_ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
+_AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
+_BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
 _MOST_BOUNDS = 3  # models whose bound is looked for: those where the norm is largest (a choice of patience)
 
 
@@ -61,17 +75,16 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     if apart[k] > min(_EDGE, _LOST * had):
         return ""
     shown = f"{pole.real:.3g}" if pole.imag == 0.0 else f"{pole.real:.3g} ± {abs(pole.imag):.6g}j"
-    return f"ended at the edge of stability: a pole at {shown} rad/s decays by {-pole.real:.2g}; ask for decay="
+    return (
+        f"ended at the edge of stability: a pole at {shown} rad/s decays by {-pole.real:.2g}; ask for min_decay_rate="
+    )
 
 
 def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormBounds:
     """Return the verified norm of a channel of a loop."""
-    columns, rows = places(plant, channel)
     if channel.norm == "hinf":
-        (p, m), system = loop.D.shape, plant.system
-        open_ = system.between([*columns, *range(m, system.B.shape[1])], [*rows, *range(p, len(system.C))])
-        return matrices_norm(ClosedLoop(open_, K))
-    part = loop.between(columns, rows)
+        return matrices_norm(ClosedLoop(channel_of(plant, channel).system, K))
+    part = loop.between(*places(plant, channel))
     return matrices_h2_norm(replace(part, D=np.zeros_like(part.D)))
 
 
@@ -115,7 +128,121 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimal_norm
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    lower, told = full_order_bound(plant, deadline)
-    if lower == 0.0 and told:
-        raise SynthesisError(told)
-    return lower
+    return full_order_bound(plant, deadline)[0]
+
+
+def share_used(norm: ChannelNorm) -> float:
+    """Return a norm over its budget, where it has one."""
+    return norm.value / (norm.channel.budget or 1.0)
+
+
+def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
+    """Return the best controller of a search, verified from what the user handed in.
+
+    Raises
+    ------
+    SynthesisError
+        It could not be verified, or exceeds a budget or a bound.
+    """
+    problem, x, labels = found.problem, found.design, found.problem.plants.labels
+    tell("verifying")
+    plants = problem.plants.given(x[problem.physical])
+    K = replace(problem.lti(x).balanced(), scales=plants[0].system.scales)
+    loops = [loop_of(plant, K) for plant in plants]
+    norms = [
+        (i, ChannelNorm(label, channel, channel_norm(loop, plant, K, channel)))
+        for i, (label, plant, loop) in enumerate(zip(labels, plants, loops, strict=True))
+        for channel in problem.channels
+    ]
+    aims = [item for item in norms if problem.budgets_alone or item[1].channel.budget is None]
+    largest, top = max(aims, key=lambda each: share_used(each[1]))
+    point = Point(problem, x, found.known)
+    used_up = _used_up(found, point, [item for _, item in norms])
+    if problem.plants.physical:
+        lower, reason = 0.0, "none: the plant itself is tuned"
+    else:
+        tell("bound on any controller")
+        lower, reason = lower_bound(list(plants), [(item.value, i, item.channel) for i, item in aims], _BOUND_TIME)
+    near = [p for p in point.pieces(_ACTIVE) if p.value >= (0.0 if p.limit else point.aim) + log(1.0 - _ACTIVE)]
+    tops = sorted((p for p in near if p.top and not p.limit), key=lambda p: -p.value)
+    certificate = DesignCertificate(
+        norm_bounds=top.norm,
+        channel_norms=tuple(item for _, item in norms),
+        spectral_abscissa=max((float(loop.poles.real.max()) for loop in loops if len(loop.A)), default=-inf),
+        lower_bound=lower,
+        lower_bound_source=reason,
+        fastest_pole=float(np.abs(K.poles).max(initial=0.0)),
+        active_peaks=tuple(
+            ActivePeak(labels[p.model], c := problem.channels[p.channel], p.omega, exp(p.value) * (c.budget or 1.0))
+            for p in tops
+        ),
+        stationarity=stationarity(near, point, problem.low, problem.high),
+        active_constraints=used_up,
+        stages=stages,
+        summary="",
+        worst_case=None if worst is None else max((worst, top), key=share_used),
+    )
+    edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
+    return TuneResult(
+        K,
+        tuple(replace(loop, state_labels=()) for loop in loops),
+        largest,
+        top.value,
+        replace(certificate, summary=_summary(certificate, top, found, edges)),
+        problem.values(x),
+        problem.physical_values(x),
+        tuple(found.starts),
+        labels,
+        plants,
+        found.deadline.elapsed,
+    )
+
+
+def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
+    """Return the bounds that are used up; raise where one is exceeded."""
+    problem, result = found.problem, []
+    for item, number, low, high in zip(problem.free, point.x, problem.low, problem.high, strict=True):
+        for end, name in ((low, "least"), (high, "largest")):
+            if abs(number - end) <= _AT_END * (high - low):
+                away = f"{item.name} runs away: an infimum at infinite gain; give max_gain"
+                result.append(away if item.kind == GAIN else f"{item.name} at its {name}, {item.value(number):.6g}")
+    for height in [*(item for item in point.norms if item.channel == GAIN_LIMIT), *point.bounds]:
+        text = f"{BOUNDS[height.channel]} = {problem.limits[height.channel]}"
+        if height.value > CERTIFIED:
+            raise SynthesisError(f"no controller found keeps its bound: {text}")
+        result += [text] if height.value > -_ACTIVE else []
+    for norm in norms:
+        if norm.channel.budget is None:
+            continue
+        if share_used(norm) > 1.0 + CERTIFIED:
+            none = "no controller found keeps its budget"
+            what = "the budgets cannot all be kept as far as was found" if problem.budgets_alone else none
+            where = f", {norm.model}" if norm.model else ""
+            value = f"is {norm.value:.6g}, allowed are {norm.channel.budget:.6g}"
+            raise SynthesisError(f"{what}: {norm.channel.text}{where} {value}")
+        if share_used(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
+            result.append(f"budget of the {norm.channel.text}")
+    return tuple(dict.fromkeys(result))
+
+
+def _summary(c: DesignCertificate, top: ChannelNorm, found: Search, edges: list[str]) -> str:
+    models = len(found.problem.plants.models)
+    kind = "verified" if top.norm.verified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
+    over = f", the largest of {models} models" if models > 1 else ""
+    said = [f"{top.channel.text} {top.value:.6g}{over}, {kind}"]
+    if c.lower_bound > 0.0 and c.optimality_gap <= _TELLING:
+        gap = 100.0 * c.optimality_gap
+        said.append(f"at most {gap:.2g} % above {c.lower_bound:.6g}, which no controller of any order beats")
+    elif c.lower_bound > 0.0:
+        known = f"not below {c.lower_bound:.3g} is all that is known"
+        said.append(f"controllers of any order might go far lower: {known}")
+    else:
+        said.append(f"no bound on other controllers: {c.lower_bound_source.removeprefix('none: ')}")
+    same = sum(isfinite(s.objective) and abs(s.objective / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
+    said.append(f"stationary to {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
+    said.append(f"{same} of {len(found.starts)} starts came here")
+    if c.worst_case is not None:
+        said.append(f"over the family {c.worst_case.value:.6g} at most as far as was found ({c.worst_case.model})")
+    if c.active_constraints:
+        said.append(f"used up: {', '.join(c.active_constraints)}")
+    return "; ".join([*said, *edges[:1]])

@@ -39,10 +39,14 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
     Returns
     -------
     lower : float
-        The norm; 0 where none was proved.
+        The norm.
     told : str
-        What stands in for measurements without noise and controls without weight, and from where the axis was seen; or why
-        there is no bound.
+        What stands in for measurements without noise and controls without weight, and from where the axis was seen.
+
+    Raises
+    ------
+    SynthesisError
+        None was proved.
     """
     reason = ""
     for shift in _SHIFTS:
@@ -51,13 +55,13 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
             weighed, moved = _noisy(measured.dual)
             bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
         except OutOfTimeError as over:
-            return 0.0, f"the time ran out while {over}"
+            raise SynthesisError(f"the time ran out while {over}") from None
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue
         told = {"measurements": seen, "controls": moved, "axis": "seen from its right" if shift else ""}
         return bounds.lower, "; ".join(f"{name}: {text}" for name, text in told.items() if text)
-    return 0.0, reason
+    raise SynthesisError(reason)
 
 
 def _shifted(plant: GeneralizedPlant, share: float) -> GeneralizedPlant:

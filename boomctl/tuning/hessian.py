@@ -16,22 +16,22 @@ _SHARP = 1e-12  # curvature over frequency, relative, from which on a peak follo
 
 def peak_hessian(point: Point, piece: Piece) -> Array:
     """Return the second derivatives of the logarithm of a peak."""
-    model, channel, omega = piece.model, piece.channel, piece.omega
-    k, (U, values, Vh, left, right, around) = len(point.x), point.passage(model, channel, omega)
-    (p, r), (c, m) = left.shape, right.shape
+    assert piece.passage is not None
+    model, omega, (U, values, Vh, left, right, around) = piece.model, piece.omega, piece.passage
+    k, (p, r), (c, m) = len(point.x), left.shape, right.shape
     slopes = point.slopes(model).reshape(k, r, c)
     u, v, top = U[:, 0], Vh[0].conj(), float(values[0])
     before, after = u.conj() @ left, right @ v
     a, b = before @ slopes, slopes @ after  # of the change by every free number, from the left and from the right
     alpha, beta = a @ right, b @ left.T  # u^H G_i and G_i v
     mixed = a @ around @ b.T
-    second = np.real(mixed + mixed.T) + np.real(_bent(point.bends(model), before, after))
+    second = np.real(mixed + mixed.T) + point.bends(model, np.real(np.outer(before, after)))
     gradient = np.real(a @ after)
-    paths = point.paths(model, channel)
-    moving = np.isfinite(omega) and omega > 0.0 and len(paths.into) > 0
+    curve = point.curves[model, piece.channel]
+    moving = np.isfinite(omega) and omega > 0.0 and len(curve.A) > 0
     if moving:
-        twofold = -1j * paths.through_states(np.array([omega]), 2)[0]
-        threefold = -2.0 * paths.through_states(np.array([omega]), 3)[0, :p, :m]
+        twofold = -1j * curve.through_states(np.array([omega]), 2)[0]
+        threefold = -2.0 * curve.through_states(np.array([omega]), 3)[0, :p, :m]
         by_omega = twofold[:p, :m]
         alpha, beta = np.vstack([alpha, u.conj() @ by_omega]), np.vstack([beta, by_omega @ v])
         turned = np.real((u.conj() @ twofold[:p, m:]) @ slopes @ after + a @ (twofold[p:, :m] @ v))
@@ -66,8 +66,3 @@ def _from_others(alpha: Array, beta: Array, U: Array, values: Array, Vh: Array) 
 def _squared(c: Array, weights: Array | float = 1.0) -> Array:
     """Return the real part of ``c diag(weights) c^H``."""
     return (c.real * weights) @ c.real.T + (c.imag * weights) @ c.imag.T
-
-
-def _bent(bends: Array | None, l: Array, r: Array) -> Array:
-    """Return what the second derivatives of the controller's and the plant's own matrices bring."""
-    return np.zeros(1) if bends is None else np.tensordot(np.tensordot(bends, l, (2, 0)), r, (2, 0))

@@ -5,23 +5,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from boomctl.arrays import Array, balance
+from boomctl.arrays import Array
 from boomctl.checks import known, mapping, real, within
 from boomctl.lti.system import Lti, check_scales, controller_of, is_statespace
-from boomctl.tunable.structures import GAIN, Physical, StateSpace, Sum
+from boomctl.tunable.structures import GAIN, Physical, StateSpace, terms
 from boomctl.tuning.problem import Problem
-from boomctl.tuning.solver.starts import grown
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 
-def initial_numbers(
-    problem: Problem, given: "Mapping[str, float] | Controller", scales: Mapping[str, float] | None
-) -> Array:
+def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller") -> Array:
     """Return a start that is given by name or as a controller; what is left out is in the middle or zero.
-
-    ``scales`` are those of the plant, and of the controller.
 
     Raises
     ------
@@ -29,87 +24,58 @@ def initial_numbers(
         Unknown names, numbers out of range; a controller of another structure, of too high an order, or with other signals
         or scales.
     """
+    result, scales = problem.middle, problem.plants.middle[0].system.scales
     if is_statespace(given) or hasattr(given, "controller"):
         K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales)
         check_scales(K, scales)
-        return _of_controller(problem, K)
-    names = [item.name for item in problem.free]
-    for name in mapping("initial_controller", given, "free numbers to values, or a StateSpace"):
-        known("free number", name, names)
-    numbers: Mapping[str, float] = given  # type: ignore[assignment]
-    x = []
-    for item, low, high in zip(problem.free, problem.low, problem.high, strict=True):
-        if item.name not in numbers:
-            x.append(0.0 if item.kind == GAIN else 0.5 * (low + high))
-            continue
-        value = real(f"initial_controller {item.name}", numbers[item.name])
-        if item.kind != GAIN:
-            within(f"initial_controller {item.name}", value, item.low, item.high)
-        x.append(item.number(value))
-    return np.array(x)
+        start, x = _of_controller(problem, K)
+        result[start : start + len(x)] = x
+        return result
+    numbers = mapping("initial_controller", given, "free numbers to values, or a StateSpace")
+    for name in numbers:
+        known("free number", name, [item.name for item in problem.free])
+    for i, item in enumerate(problem.free):
+        if item.name in numbers:
+            value = real(f"initial_controller {item.name}", numbers[item.name])
+            if item.kind != GAIN:
+                within(f"initial_controller {item.name}", value, item.low, item.high)
+            result[i] = item.number(value)
+    return result
 
 
-def _of_controller(problem: Problem, K: Lti) -> Array:
-    parts = problem.structure.parts if isinstance(problem.structure, Sum) else (problem.structure,)
-    free = [part for part in parts if isinstance(part, StateSpace)]
-    if len(free) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
+def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
+    """Return where the free numbers of a controller begin, and these; further states do nothing yet."""
+    parts, ports, n = terms(problem.structure), problem.ports, len(K.A)
+    places = [i for i, part in enumerate(parts) if isinstance(part, StateSpace)]
+    if len(places) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
         raise ValueError(
             f"initial_controller = a StateSpace: expected a structure tunable.state_space, got {problem.structure.text};"
             " give its free numbers by name"
         )
-    K = _signals(problem, K)
-    wanted, n = free[0], len(K.A)
+    wanted = parts[places[0]]
+    assert isinstance(wanted, StateSpace)
     if n > wanted.order:
         raise ValueError(f"initial_controller: expected a controller of at most {wanted.order} states, got {n}")
     if wanted.strictly_proper and K.D.any():
         raise ValueError(
             "initial_controller: expected a strictly proper controller, as the structure is, got a feedthrough"
         )
-    result, start = [], 0
-    for part in parts:
-        size = len(part.free(problem.ports))
-        ends = slice(start, start + size)
-        middle = 0.5 * (problem.low[ends] + problem.high[ends])
-        result.append(_numbers(problem, K, wanted) if part is wanted else middle)
-        start += size
-    return np.concatenate(result)
+    columns = _in_order("input", K.input_labels, ports.measurements)
+    K = K.between(columns, _in_order("output", K.output_labels, ports.controls)).balanced()
+    numbers = [item.number(1.0) for item in StateSpace(n, wanted.strictly_proper).free(ports)]
+    through = np.zeros(0) if wanted.strictly_proper else K.D.ravel()
+    x, rng = np.concatenate([K.A.ravel(), K.B.ravel(), K.C.ravel(), through]) * numbers, np.random.default_rng(0)
+    for order in range(n + 1, wanted.order + 1):
+        x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng)
+    return sum(len(part.free(ports)) for part in parts[: places[0]]), x
 
 
-def _signals(problem: Problem, K: Lti) -> Lti:
-    """Return the controller with its signals in the plant's order; those that were never named are in order already."""
-    ports, result = problem.ports, []
-    for kind, mine, theirs in (
-        ("input", K.input_labels, ports.measurements),
-        ("output", K.output_labels, ports.controls),
-    ):
-        if len(mine) != len(theirs):
-            raise ValueError(
-                f"initial_controller: expected {len(theirs)} {kind}(s), {', '.join(theirs)}, got {len(mine)}: "
-                f"{', '.join(mine)}"
-            )
-        unnamed = tuple(f"{'u' if kind == 'input' else 'y'}[{i}]" for i in range(len(mine)))
-        if set(mine) == set(theirs):
-            result.append([mine.index(name) for name in theirs])
-        elif mine == unnamed:
-            result.append(list(range(len(mine))))
-        else:
-            other = next(name for name in mine if name not in theirs)
-            raise ValueError(
-                f"initial_controller: {kind} {other!r} is none of the plant's: expected {', '.join(theirs)}"
-            )
-    columns, rows = result
-    return Lti(K.A, K.B[:, columns], K.C[rows], K.D[np.ix_(rows, columns)])
-
-
-def _numbers(problem: Problem, K: Lti, wanted: StateSpace) -> Array:
-    """Return the free numbers of a controller, its states balanced, and further ones that do next to nothing yet."""
-    ports = problem.ports
-    A, B, C = K.A / ports.rate, K.B * ports.reads / ports.rate, K.C / ports.acts[:, None]
-    states = balance(A)[1]
-    parts = [(A * states / states[:, None]).ravel(), (B / states[:, None]).ravel(), (C * states).ravel()]
-    if not wanted.strictly_proper:
-        parts.append((K.D * ports.reads / ports.acts[:, None]).ravel())
-    x, rng = np.concatenate(parts), np.random.default_rng(0)
-    for order in range(len(A) + 1, wanted.order + 1):
-        x = grown(StateSpace(order, wanted.strictly_proper), ports, x, rng)
-    return x
+def _in_order(kind: str, mine: tuple[str, ...], theirs: tuple[str, ...]) -> list[int]:
+    """Return the places of a controller's signals in the plant's order; those that were never named are in order already."""
+    if set(mine) == set(theirs):
+        return [mine.index(name) for name in theirs]
+    if mine != tuple(f"{'u' if kind == 'input' else 'y'}[{i}]" for i in range(len(theirs))):
+        raise ValueError(
+            f"initial_controller: expected {len(theirs)} {kind}(s), {', '.join(theirs)}, got {', '.join(mine)}"
+        )
+    return list(range(len(mine)))

@@ -1,108 +1,202 @@
 """The plants that one controller is tuned for: given ones, made from physical parameters, or points of a family."""
 
-from collections import OrderedDict
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from itertools import product
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, balance, blocks
+from boomctl.chebyshev import fitted, tried_points
 from boomctl.checks import function_of
 from boomctl.lti.system import of
-from boomctl.progress import Deadline
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.tunable.structures import Physical
-from boomctl.tuning.problem import ScaledPlant
-from boomctl.tuning.series import PlantSeries, plant_series
+from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 
-_REMEMBERED = 256  # sets of plants that are kept for when they are asked for again (a choice)
-_MOVING = 16  # of those that are polynomials, quickly evaluated: the last few points of the search (a choice)
 _MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning begins from all corners of the box.
-_ENDLESS = Deadline()
+_DEGREES = (1, 2, 4, 8, 16, 32)  # of polynomials, tried in turn: springs, products of two, masses, positions (a choice)
+_ROUNDING = 1e-14  # share of a row's size up to which a coefficient is rounding: 1e2 eps
+_MOST = 400  # plants made for one polynomial at most (a choice of patience)
+_KEPT = 16  # sets of plants that are kept: the last few points of the search (a choice)
+_EXACT = 1e3  # times that by which a polynomial may miss plants: far below what is tuned to (a choice)
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 
-@dataclass
-class Plants:
-    """Generalized plants as a function of physical parameters.
+class PlantPolynomial:
+    """A generalized plant whose matrices are polynomials of physical parameters, as numbers between -1 and 1.
+
+    Parameters
+    ----------
+    make : function
+        From such numbers to the plant.
+    size : int
+        How many there are.
+
+    Raises
+    ------
+    ValueError
+        The plants are no polynomial.
+    """
+
+    def __init__(self, make: Callable[[Array], GeneralizedPlant], size: int) -> None:
+        self._plant = make(np.zeros(size))
+        self._scales = balance(self._plant.A)[1]
+        made: dict[bytes, Array] = {}
+
+        def at(points: Sequence[Array]) -> dict[str, Array]:
+            for point in points:
+                if point.tobytes() not in made:
+                    if len(made) == _MOST:
+                        raise ValueError(f"{_MOST} plants do not determine them")
+                    s = make(point).system
+                    rows = np.concatenate([1.0 / self._scales, np.ones(len(s.C))])[:, None]
+                    columns = np.concatenate([self._scales, np.ones(s.B.shape[1])])
+                    made[point.tobytes()] = rows * blocks([[s.A, s.B], [s.C, s.D]]) * columns
+            return {"P": np.array([made[point.tobytes()] for point in points])}
+
+        def rounding(found: Mapping[str, Array]) -> dict[str, Array | float]:
+            return {"P": _ROUNDING * np.abs(found["P"]).max(axis=(0, 2))[:, None]}
+
+        wanted = at(tried_points(size))
+        for degree in _DEGREES:
+            terms, _, miss = fitted(at, [degree + 1] * size, wanted, rounding, _EXACT, "P")
+            if miss <= _EXACT:
+                break
+        else:
+            raise ValueError(f"polynomials of degree {_DEGREES[-1]} miss them")
+        p = ca.SX.sym("p", size)
+        powers = ca.vertcat(*(ca.mtimes([ca.SX(1), *(p[i] for i in term)]) for term in terms["P"]))
+        slopes = ca.jacobian(powers, p)
+        self._powers = ca.Function("powers", [p], [powers, slopes, ca.jacobian(ca.vec(slopes.T), p)])
+        self._terms = np.array([*terms["P"].values()])
+        self.degrees = tuple(max(term.count(i) for term in terms["P"]) for i in range(size))
+
+    def scaled(self, numbers: Array, order: int) -> ScaledPlant:
+        """Return the plant with balanced states, and its derivatives."""
+        k, s, n, plant = len(numbers), self._plant.system, len(self._plant.A), self._plant
+        powers = [np.asarray(item) for item in self._powers(numbers)]
+        result, slopes, bends = (
+            np.tensordot(item.reshape(len(self._terms), -1), self._terms, (0, 0)) for item in powers
+        )
+        M = result[0]
+        system = replace(s, A=without_jordan_blocks(M[:n, :n]), B=M[:n, n:], C=M[n:, :n], D=M[n:, n:])
+        return ScaledPlant(system, plant.nmeas, plant.ncon, slopes, bends.reshape(k, k, *M.shape), order)
+
+
+@dataclass(frozen=True)
+class Model:
+    """One of the plants as a function of physical parameters.
 
     Attributes
     ----------
-    makers : tuple of function
-        Each returns a generalized plant from values of the physical parameters.
-    labels : tuple of str
-        What the plants are called.
+    label : str
+        What it is called.
+    make : function
+        Returns it from values of the parameters.
     physical : tuple of Physical
-    settled : tuple of function
-        The same plants, with the same states at all values as far as that can be.
-    deadline : Deadline
-        Until when polynomials of the plants are looked for.
+        The parameters.
     """
 
-    makers: tuple[Maker, ...]
-    labels: tuple[str, ...]
+    label: str
+    make: Maker
     physical: tuple[Physical, ...]
-    settled: tuple[Maker, ...]
-    deadline: Deadline = _ENDLESS
-    _series: "list[PlantSeries | None]" = field(default_factory=list, repr=False)
-    _scaled: "OrderedDict[bytes, tuple[ScaledPlant, ...]]" = field(default_factory=OrderedDict, repr=False)
 
-    def values(self, numbers: Array) -> dict[str, float]:
-        """Return physical parameters from numbers between -1 and 1."""
-        return {item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)}
+    def given(self, numbers: Array) -> GeneralizedPlant:
+        """Return the plant as the user means it, from numbers between -1 and 1."""
+        return self.make({item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)})
 
-    def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
-        """Return the plants as the user means them."""
-        values = self.values(numbers)
-        return tuple(make(values) for make in self.makers)
+    @cached_property
+    def polynomial(self) -> PlantPolynomial:
+        """The plant as a polynomial of the physical parameters.
 
-    def scaled(self, numbers: Array) -> tuple[ScaledPlant, ...]:
-        """Return the plants with balanced states."""
-        key = np.asarray(numbers, float).tobytes()
-        if key not in self._scaled:
-            self._scaled[key] = self._made(numbers)
-            while len(self._scaled) > (_MOVING if all(self.series) else _REMEMBERED):
-                self._scaled.popitem(last=False)
-        self._scaled.move_to_end(key)
-        return self._scaled[key]
+        Raises
+        ------
+        ValueError
+            It is none.
+        """
+        try:
+            return PlantPolynomial(self.given, len(self.physical))
+        except ValueError as error:
+            names, where = ", ".join(item.name for item in self.physical), f" of {self.label}" if self.label else ""
+            reason = " ".join(str(error).split())
+            raise ValueError(
+                f"`P` must return plants{where} whose matrices are polynomials of {names}, got others ({reason}). Give"
+                ' them the same states everywhere, as `model.to_statespace(states="coordinates")` does.'
+            ) from None
+
+    def scaled(self, numbers: Array, order: int) -> ScaledPlant:
+        """Return the plant with balanced states, and its derivatives, for a controller of some order."""
+        if self.physical:
+            return self.polynomial.scaled(numbers, order)
+        plant = self.given(numbers)
+        system = plant.system.balanced()
+        return ScaledPlant(replace(system, A=without_jordan_blocks(system.A)), plant.nmeas, plant.ncon, order=order)
+
+
+@dataclass(frozen=True)
+class Plants:
+    """Generalized plants with the same signals, as functions of the same physical parameters."""
+
+    models: tuple[Model, ...]
+    physical: tuple[Physical, ...]
 
     @property
-    def series(self) -> "tuple[PlantSeries | None, ...]":
-        """Polynomials of the physical parameters, None where a plant is none; found when asked for, once."""
-        for maker, settled in list(zip(self.makers, self.settled, strict=True))[len(self._series) :]:
-            given, make = (lambda x, each=item: each(self.values(x)) for item in (maker, settled))
-            size = len(self.physical)
-            self._series.append(plant_series(make, given, size, lambda: self.deadline.over) if size else None)
-        return tuple(self._series)
+    def labels(self) -> tuple[str, ...]:
+        """What the plants are called."""
+        return tuple(model.label for model in self.models)
+
+    def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
+        """Return the plants as the user means them, from numbers between -1 and 1."""
+        return tuple(model.given(numbers) for model in self.models)
+
+    @cached_property
+    def middle(self) -> tuple[GeneralizedPlant, ...]:
+        """The plants in the middle of the physical parameters' ranges.
+
+        Raises
+        ------
+        ValueError
+            They have not the same signals and scales.
+        """
+        result = self.given(np.zeros(len(self.physical)))
+        first = result[0].system
+        for i, plant in enumerate(result[1:], 2):
+            for kind in ("input", "output"):
+                here, there = getattr(plant.system, f"{kind}_labels"), getattr(first, f"{kind}_labels")
+                if here != there:
+                    raise ValueError(
+                        f"P: the {kind}s of model {i} are {', '.join(here)}; expected those of model 1:"
+                        f" {', '.join(there)}"
+                    )
+            for label in (*plant.measurements, *plant.controls):
+                here, there = ((item.scales or {}).get(label, 1.0) for item in (plant.system, first))
+                if here != there:
+                    raise ValueError(f"`P` must have one scale of {label!r} in all models, got {there:g} and {here:g}.")
+        return result
+
+    def scaled(self, numbers: Array, order: int) -> tuple[ScaledPlant, ...]:
+        """Return the plants with balanced states, and their derivatives, for controllers of some order."""
+        return self._scaled(tuple(numbers.tolist()), order)
+
+    @cached_property
+    def _scaled(self) -> Callable[[tuple[float, ...], int], tuple[ScaledPlant, ...]]:
+        return lru_cache(_KEPT)(lambda x, order: tuple(model.scaled(np.array(x), order) for model in self.models))
 
     @property
     def stages(self) -> tuple[str, ...]:
         """How derivatives by physical parameters are known."""
-        result = [item.degrees for item in self.series if item is not None]
         if not self.physical:
             return ()
-        if len(result) < len(self.labels):
-            return ("physical parameters by differences",)
-        degrees = ", ".join(
-            f"{item.name} {max(d)}" for item, d in zip(self.physical, zip(*result, strict=True), strict=True)
-        )
-        return (f"physical parameters by polynomials of degree {degrees}",)
-
-    def _made(self, numbers: Array) -> tuple[ScaledPlant, ...]:
-        values, both = self.values(numbers), zip(self.makers, self.series, strict=True)
-        return tuple(
-            ScaledPlant.of(make(values)) if series is None else series.scaled(numbers) for make, series in both
-        )
-
-    def with_more(self, maker: Maker, settled: Maker, label: str) -> "Plants":
-        """Return the plants and one more."""
-        makers, all_settled = (*self.makers, maker), (*self.settled, settled)
-        return Plants(makers, (*self.labels, label), self.physical, all_settled, self.deadline, list(self._series))
+        degrees = zip(*(model.polynomial.degrees for model in self.models), strict=True)
+        named = (f"{item.name} {max(degree)}" for item, degree in zip(self.physical, degrees, strict=True))
+        return (f"physical parameters by polynomials of degree {', '.join(named)}",)
 
 
 def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant:
@@ -118,9 +212,7 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
     return partition(P, nmeas, ncon)
 
 
-def made_plants(
-    P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...], deadline: Deadline = _ENDLESS
-) -> Plants:
+def made_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
     """Return given plants, or those that functions of the physical parameters make, where there are such."""
 
     def maker(each: Any) -> Maker:
@@ -131,10 +223,7 @@ def made_plants(
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
-    makers = tuple(maker(item) for item in P)
-    plants = Plants(makers, labels, physical, makers, deadline)
-    _alike(list(plants.given(np.zeros(len(physical)))))
-    return plants
+    return Plants(tuple(Model(label, maker(each), physical) for label, each in zip(labels, P, strict=True)), physical)
 
 
 @dataclass(frozen=True)
@@ -163,62 +252,27 @@ class FamilyPlants:
         tuned = {item.name for item in self.physical}
         return [i for i, name in enumerate(self.family.names) if name not in tuned]
 
-    def delta(self, values: dict[str, float], point: Array) -> Array:
-        """Return the family's own coordinates of a point of the uncertain box, at values of the physical parameters."""
-        result = self.family.normalize(values)
-        result[self.uncertain] = point
-        return result
-
-    def plant(self, values: dict[str, float], point: Array, settled: bool = False) -> GeneralizedPlant:
-        """Return the generalized plant at a point of the uncertain box, if ``settled`` over the family's coordinates."""
-        model = self.family.at(self.delta(values, point))
-        if settled:
+    def plant(self, values: dict[str, float], point: Array) -> GeneralizedPlant:
+        """Return the generalized plant at values of the physical parameters and a point of the uncertain box."""
+        delta = self.family.normalize(values)
+        delta[self.uncertain] = point
+        model = self.family.at(delta)
+        if self.physical:  # over the same coordinates at all values
             model = SecondOrderModel.of(replace(model.structure, settled=True), model.ports)
         return partitioned(self.make(model), self.nmeas, self.ncon)
 
-    def label(self, point: Array) -> str:
-        """Return what a point is called."""
+    def model(self, point: Array) -> Model:
+        """Return the plant at a point of the uncertain box."""
         f = self.family
-        result = (
+        label = ", ".join(
             f"{f.names[i]} = {0.5 * (f.low[i] + f.high[i]) + 0.5 * (f.high[i] - f.low[i]) * d:.5g}"
             for i, d in zip(self.uncertain, point, strict=True)
         )
-        return ", ".join(result)
+        return Model(label, lambda values: self.plant(values, point), self.physical)
 
-    def points(self) -> list[Array]:
-        """Return the middle of the uncertain box and its corners; of many parameters the middle alone."""
+    def plants(self) -> Plants:
+        """Return the plants in the middle of the uncertain box and at its corners; of many parameters the middle alone."""
         size = len(self.uncertain)
         corners = product((-1.0, 1.0), repeat=size) if 0 < size <= _MOST_PARAMETERS else ()
-        return [np.zeros(size), *(np.array(point) for point in corners)]
-
-    def maker(self, point: Array, settled: bool = False) -> Maker:
-        """Return the function that makes the plant at a point from the physical parameters."""
-        if not self.physical:
-            plant = self.plant({}, point)
-            return lambda values: plant
-        return lambda values: self.plant(values, point, settled)
-
-    def plants(self, deadline: Deadline = _ENDLESS) -> Plants:
-        """Return the plants in the middle and at the corners."""
-        points = self.points()
-        labels = tuple(self.label(point) for point in points)
-        makers, settled = (tuple(self.maker(point, item) for point in points) for item in (False, True))
-        result = Plants(makers, labels, self.physical, settled, deadline)
-        _alike(list(result.given(np.zeros(len(self.physical)))))
-        return result
-
-
-def _alike(plants: Sequence[GeneralizedPlant]) -> None:
-    """Check that plants have the same signals and scales."""
-    first = plants[0].system
-    for i, plant in enumerate(plants[1:], 2):
-        for kind in ("input", "output"):
-            here, there = getattr(plant.system, f"{kind}_labels"), getattr(first, f"{kind}_labels")
-            if here != there:
-                raise ValueError(
-                    f"P: the {kind}s of model {i} are {', '.join(here)}; expected those of model 1: {', '.join(there)}"
-                )
-        for label in (*plant.measurements, *plant.controls):
-            here, there = ((item.scales or {}).get(label, 1.0) for item in (plant.system, first))
-            if here != there:
-                raise ValueError(f"`P` must have one scale of {label!r} in all models, got {there:g} and {here:g}.")
+        points = [np.zeros(size), *map(np.array, corners)]
+        return Plants(tuple(map(self.model, points)), self.physical)

@@ -2,9 +2,8 @@
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
-from math import exp, inf, isfinite, log, nan
+from dataclasses import replace
+from math import exp, inf, nan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,36 +13,26 @@ from boomctl.analysis.norm import UNSTABLE, NormBounds
 from boomctl.arrays import Array
 from boomctl.checks import function_of, instance, known, positive, sequence, whole, within
 from boomctl.exceptions import SynthesisError
-from boomctl.lti.rounding import CERTIFIED
-from boomctl.printing import count as counted
 from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.synthesis.assumptions import check_detectable, check_stabilizable
-from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
-from boomctl.synthesis.plants.channels import Channel, objective, places
-from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.certificate import ChannelNorm
+from boomctl.synthesis.plants.channels import Channel, objective
 from boomctl.threads import one_blas_thread
-from boomctl.tunable.structures import GAIN, ControllerForm, Decentralized, Ports, Series, Sum
-from boomctl.tuning.certificate import channel_norm, edge_of, loop_of, lower_bound
+from boomctl.tunable.structures import ControllerForm, Physical, terms
+from boomctl.tuning.certificate import channel_norm, loop_of, share_used, verified
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.plants import FamilyPlants, Plants, made_plants
-from boomctl.tuning.point import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Point
-from boomctl.tuning.problem import Problem, ports_of
+from boomctl.tuning.problem import BOUNDS, DAMPING, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
-from boomctl.tuning.solver.bundle import stationarity
 from boomctl.tuning.solver.search import Search, search
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
-_LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
-_TELLING = 10.0  # times a bound up to which a norm so far above it says something of it (a choice)
-_ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
-_AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
 _WORSE = 1e-3  # how much worse than at the points tuned for the family may be, relative (a choice)
 _MORE_POINTS = 8  # worst points that are added to a family's corners at most (a choice of patience)
 _AGAIN = 3  # starts with each point added, the best so far among them (a choice)
-_BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
 
 
 @one_blas_thread
@@ -145,28 +134,33 @@ def tune(
         )
     structure = instance("structure", structure, ControllerForm, "a structure of boomctl.tunable")
     listed = _channels(channels, norm)
+    given = {
+        "max_gain": max_gain,
+        "fastest_pole": fastest_pole,
+        "min_damping_ratio": min_damping_ratio,
+        "min_decay_rate": min_decay_rate,
+    }
     limits = {
-        "fastest_pole": None if fastest_pole is None else positive("fastest_pole", fastest_pole),
-        "max_gain": None if max_gain is None else positive("max_gain", max_gain),
-        "min_damping_ratio": None
-        if min_damping_ratio is None
-        else within("min_damping_ratio", min_damping_ratio, 0.0, 1.0),
-        "min_decay_rate": None if min_decay_rate is None else positive("min_decay_rate", min_decay_rate),
+        kind: within(name, given[name], 0.0, 1.0) if kind == DAMPING else positive(name, given[name])
+        for kind, name in BOUNDS.items()
+        if given[name] is not None
     }
     count, number = whole("n_starts", n_starts), whole("seed", seed, 0)
     deadline = Deadline(positive("time_limit", time_limit))
-    nmeas, ncon = _counts(structure, nmeas, ncon)
+    counts = _counts(structure, nmeas, ncon)
     with computing("tuning", progress):
         tell("plants")
-        over = _family(P, nmeas, ncon, structure, family)
-        plants = over.plants(deadline) if over is not None else _plants(P, nmeas, ncon, structure, deadline)
-        task = _Task(structure, listed, limits, plants, deadline)
-        begun = task.begun(initial_controller)
-        result = task.searched(count, np.random.default_rng(number), begun)
-        worst, stages = None, [*plants.stages, *result.stages]
+        over = None if family is None else _family(P, *counts, structure, family)
+        problem = Problem.of(
+            structure, _plants(P, *counts, structure) if over is None else over.plants(), listed, limits
+        )
+        _check(problem)
+        begun = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
+        result = _searched(problem, count, np.random.default_rng(number), begun, deadline)
+        worst, stages = None, [*problem.plants.stages, *result.stages]
         if over is not None and over.uncertain:
-            task, result, worst = _over_family(task, over, result, number, stages)
-        return _result(task, result, worst, tuple(stages))
+            result, worst = _over_family(over, result, number, stages)
+        return verified(result, worst, tuple(stages))
 
 
 def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel, ...]:
@@ -181,443 +175,154 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
 
 
 def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
-    """Return the numbers of measurements and controls, both zero where nothing but physical parameters is tuned.
+    """Return the numbers of measurements and controls, None where names tell them.
 
-    Where they are left out, names tell them.
+    Both are zero where nothing but physical parameters is tuned.
     """
-    parts = structure.parts if isinstance(structure, Sum) else (structure,)
-    passive = len(structure.physicals()) == len(parts)
     names = [item.name for item in structure.physicals()]
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"structure: the physical parameter {twice!r} is there twice")
-    least = 0 if passive else 1
-    if passive and nmeas is None and ncon is None:
-        return 0, 0
-    result = tuple(None if n is None else whole(what, n, least) for what, n in (("nmeas", nmeas), ("ncon", ncon)))
-    if passive and result != (0, 0):
-        raise ValueError(
-            f"nmeas, ncon = {result[0]}, {result[1]}: expected 0, 0 for a structure of physical parameters alone"
-        )
-    return result[0], result[1]
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"structure: the physical parameter {name!r} is there twice")
+    passive = all(isinstance(part, Physical) for part in terms(structure))
+    given = [
+        (what, n, whole(what, n, 0 if passive else 1))
+        for what, n in (("nmeas", nmeas), ("ncon", ncon))
+        if n is not None
+    ]
+    if passive and any(n for _, n, _ in given):
+        raise ValueError(f"nmeas, ncon = {nmeas}, {ncon}: expected 0, 0 for a structure of physical parameters alone")
+    return (0, 0) if passive else (nmeas, ncon)
 
 
 def _family(
     P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, family: "Family | None"
-) -> FamilyPlants | None:
-    if family is None:
-        return None
+) -> FamilyPlants:
     given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
     make = function_of("P", P, "a structure of the family to a generalized plant")
     for item in structure.physicals():
         known("parameter of the family", item.name, given.names)
-        i = given.names.index(item.name)
-        if item.low < given.low[i] or item.high > given.high[i]:
+        low, high = given.ranges[item.name]
+        if item.low < low or item.high > high:
             raise ValueError(
                 f"physical {item.name!r} from {item.low:g} to {item.high:g}: expected a range within the family's,"
-                f" {given.low[i]:g} to {given.high[i]:g}"
+                f" {low:g} to {high:g}"
             )
     return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
 
 
-def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, deadline: Deadline) -> Plants:
+def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm) -> Plants:
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
         raise ValueError("P: expected at least one generalized plant")
     physical = structure.physicals()
     if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
         function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
-    return made_plants(many, nmeas, ncon, physical, deadline)
+    return made_plants(many, nmeas, ncon, physical)
 
 
-@dataclass(frozen=True)
-class _Task:
-    """What is tuned, for which plants."""
+def _check(problem: Problem) -> None:
+    """Refuse signals that are not there, what no controller can stabilize, and norms and gains that are infinite."""
+    plants, channels = problem.plants.middle, problem.channels
+    problem.structure.check(problem.ports)
+    for label, plant in zip(problem.plants.labels, plants, strict=True):
+        if plant.ncon and not problem.plants.physical:
+            try:
+                check_stabilizable(plant.A, plant.B2, plant.controls, plant.system.state_labels)
+                check_detectable(plant.A, plant.C2, plant.measurements, plant.system.state_labels)
+            except SynthesisError as error:
+                raise SynthesisError(f"{label}: {error}" if label else str(error)) from None
+    x = problem.clipped(problem.middle + 0.1 * np.random.default_rng(0).normal(size=len(problem.free)))
+    K, n = problem.matrix.value(x), problem.order
+    for channel, columns, rows in zip(channels, problem.columns, problem.rows, strict=True):
+        for plant in plants if channel.norm == "h2" else ():
+            if plant.D11[np.ix_(rows, columns)].any():
+                raise ValueError(
+                    f"{channel.text}: infinite for every controller, as a feedthrough leads around it; "
+                    "filter the disturbance or leave the signal away"
+                )
+            if (plant.D12[rows] @ K[n:, n:] @ plant.D21[:, columns]).any():
+                raise ValueError(
+                    f"{channel.text}: infinite through a feedthrough of the controller; "
+                    "expected a strictly proper structure, or filters"
+                )
+    if GAIN_LIMIT in problem.limits and n and np.abs(np.linalg.eigvals(K[:n, :n])).min() == 0.0:
+        raise ValueError("max_gain: the structure integrates, so that its gain has no limit at low frequency")
 
-    structure: ControllerForm
-    channels: tuple[Channel, ...]
-    limits: dict[str, float | None]
-    plants: Plants
-    deadline: Deadline
 
-    def middle(self) -> tuple[GeneralizedPlant, ...]:
-        """Return the plants in the middle of the physical parameters' ranges."""
-        return self.plants.given(np.zeros(len(self.plants.physical)))
+def _searched(
+    problem: Problem, starts: int, rng: np.random.Generator, begun: list[Array], deadline: Deadline
+) -> Search:
+    """Return what a search found.
 
-    @cached_property
-    def ports(self) -> Ports:
-        """The ports of the controller."""
-        result = ports_of(self.middle())
-        limit = self.limits["fastest_pole"]
-        return (
-            result
-            if limit is None
-            else replace(result, fastest=min(result.fastest, limit), rate=min(result.rate, limit))
+    Raises
+    ------
+    SynthesisError
+        No controller that stabilizes and keeps the budgets.
+    """
+    with np.errstate(all="ignore"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
+        result = search(problem, starts, rng, deadline, begun)
+    if result.best is None:
+        ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
+        when = ended.get((result.stages or [""])[-1], "")
+        many = " all models" if len(problem.plants.models) > 1 else ""
+        near = f"; the largest real part of a pole came down to {result.abscissa:.4g} rad/s"
+        raise SynthesisError(
+            f"no controller of this structure was found that stabilizes{many}{when}"
+            f"{near if result.abscissa < inf else ''}"
         )
-
-    def problem(self, structure: ControllerForm) -> Problem:
-        """Return the problem of a structure."""
-        ports, plant = self.ports, self.middle()[0]
-        free = structure.free(ports)
-        ends = np.array([item.ends() for item in free]).reshape(-1, 2)
-        gains = np.array([item.kind == GAIN for item in free], dtype=bool)
-        low = np.where(gains, np.maximum(ends[:, 0], -_LARGEST_GAIN), ends[:, 0])
-        high = np.where(gains, np.minimum(ends[:, 1], _LARGEST_GAIN), ends[:, 1])
-        wanted = [places(plant, channel) for channel in self.channels]
-        middle = np.where(np.isfinite(low + high) & ~gains, 0.5 * (low + high), 0.0)
-        return Problem(
-            structure=structure,
-            ports=ports,
-            free=free,
-            low=low,
-            high=high,
-            plants=self.plants.scaled,
-            count=len(self.plants.labels),
-            channels=self.channels,
-            columns=tuple(np.array(columns) for columns, _ in wanted),
-            rows=tuple(np.array(rows) for _, rows in wanted),
-            order=structure.system(middle, ports).A.shape[0],
-            **self.limits,
-        )
-
-    def begun(self, initial: "Mapping[str, float] | Controller | None") -> list[Array]:
-        """Return starts that are given, after all has been checked."""
-        plants = self.middle()
-        self._check_signals(plants[0])
-        for label, plant in zip(self.plants.labels, plants, strict=True):
-            s, where = plant.system, f"{label}: " if label else ""
-            if len(self.plants.physical) == 0 and plant.ncon:
-                try:
-                    check_stabilizable(plant.A, plant.B2, plant.controls, s.state_labels)
-                    check_detectable(plant.A, plant.C2, plant.measurements, s.state_labels)
-                except SynthesisError as error:
-                    raise SynthesisError(f"{where}{error}") from None
-        problem = self.problem(self.structure)
-        self._check_norms(problem)
-        return [] if initial is None else [initial_numbers(problem, initial, plants[0].system.scales)]
-
-    def _check_signals(self, plant: GeneralizedPlant) -> None:
-        for channel in self.channels:
-            for what, wanted, there in (
-                ("disturbance", channel.inputs, plant.disturbances),
-                ("performance signal", channel.outputs, plant.performance),
-            ):
-                for name in wanted or ():
-                    known(what, name, there)
-        _check_loops(self.structure, plant.measurements, plant.controls)
-
-    def _check_norms(self, problem: Problem) -> None:
-        """Refuse an H2 norm that a feedthrough makes infinite, and a gain limit on an integrator."""
-        x = np.random.default_rng(0).normal(size=len(problem.free))
-        x = np.where(np.isfinite(problem.low + problem.high), 0.5 * (problem.low + problem.high), 0.0) + 0.1 * x
-        K = problem.controller(problem.clipped(x)).value
-        n = problem.order
-        through = K[n:, n:]
-        for channel, columns, rows in zip(self.channels, problem.columns, problem.rows, strict=True):
-            if channel.norm != "h2":
-                continue
-            for plant in self.middle():
-                if plant.D11[np.ix_(rows, columns)].any():
-                    raise ValueError(
-                        f"{channel.text}: infinite for every controller, as a feedthrough leads around it; "
-                        "filter the disturbance or leave the signal away"
-                    )
-                if (plant.D12[rows] @ through @ plant.D21[:, columns]).any():
-                    raise ValueError(
-                        f"{channel.text}: infinite through a feedthrough of the controller; "
-                        "expected a strictly proper structure, or filters"
-                    )
-        if problem.max_gain is not None and n and np.abs(np.linalg.eigvals(K[:n, :n])).min() == 0.0:
-            raise ValueError("max_gain: the structure integrates, so that its gain has no limit at low frequency")
-
-    def searched(self, starts: int, rng: np.random.Generator, begun: list[Array]) -> Search:
-        """Return what a search found.
-
-        Raises
-        ------
-        SynthesisError
-            No controller that stabilizes and keeps the budgets.
-        """
-        problem = self.problem(self.structure)
-        with np.errstate(all="ignore"), warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
-            result = search(problem, starts, rng, self.deadline, begun, self.problem)
-        if result.best is None:
-            ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
-            when = ended.get((result.stages or [""])[-1], "")
-            many = " all models" if len(self.plants.labels) > 1 else ""
-            near = f"; the largest real part of a pole came down to {result.abscissa:.4g} rad/s"
-            raise SynthesisError(
-                f"no controller of this structure was found that stabilizes{many}{when}"
-                f"{near if result.abscissa < inf else ''}"
-            )
-        return result
-
-
-def _check_loops(structure: ControllerForm, measurements: tuple[str, ...], controls: tuple[str, ...]) -> None:
-    """Refuse a decentralized structure whose signals are not there, or a square one between numbers that differ."""
-    if isinstance(structure, Sum):
-        for part in structure.parts:
-            _check_loops(part, measurements, controls)
-    elif isinstance(structure, Decentralized):
-        if structure.each is not None and len(measurements) != len(controls):
-            raise ValueError(
-                f"decentralized: expected as many measurements as controls, got {len(measurements)} and {len(controls)};"
-                " name the signals of each loop"
-            )
-        for ys, us, part in structure.loops:
-            for name in ys:
-                known("measurement", name, measurements)
-            for name in us:
-                known("control", name, controls)
-            _check_loops(part, ys, us)
-    elif structure.square and len(measurements) != len(controls):
-        raise ValueError(
-            f"structure: a filter without gains between {len(measurements)} measurement(s) and {len(controls)} control(s);"
-            " put it in series with a gain"
-        )
-    elif isinstance(structure, Series):
-        for part in (structure.last, structure.first):
-            if isinstance(part, Decentralized):
-                raise ValueError("structure: decentralized cannot stand in a series; put the series into it")
+    return result
 
 
 def _over_family(
-    task: _Task, over: FamilyPlants, found: Search, seed: int, stages: list[str]
-) -> "tuple[_Task, Search, ChannelNorm | None]":
+    over: FamilyPlants, found: Search, seed: int, stages: list[str]
+) -> "tuple[Search, ChannelNorm | None]":
     """Return the search with the worst points of the family among the models, until none is worse."""
     worst = None
     for extra in range(_MORE_POINTS + 1):
-        assert found.best is not None
+        plants, deadline = found.problem.plants, found.deadline
         tell("worst point of the family")
-        excess, point, worst = _worst(task, over, found)
+        excess, point, worst = _worst(over, found)
         if excess <= _WORSE:
-            stages.append(f"nothing worse in the family, {len(task.plants.labels)} points")
+            stages.append(f"nothing worse in the family, {len(plants.models)} points")
             break
-        stopped = "stopped" in found.stages or task.deadline.over
-        if extra == _MORE_POINTS or stopped:
-            stages.append(f"worse by {100.0 * excess:.3g} % at {over.label(point)}")
+        more = over.model(point)
+        if extra == _MORE_POINTS or "stopped" in found.stages or deadline.over:
+            stages.append(f"worse by {100.0 * excess:.3g} % at {more.label}")
             break
-        stages.append(f"added {over.label(point)}")
-        more = replace(
-            task, plants=task.plants.with_more(over.maker(point), over.maker(point, settled=True), over.label(point))
-        )
+        stages.append(f"added {more.label}")
+        problem = replace(found.problem, plants=replace(plants, models=(*plants.models, more)))
         try:
-            again = more.searched(_AGAIN, np.random.default_rng(seed + extra + 1), [found.best])
+            again = _searched(problem, _AGAIN, np.random.default_rng(seed + extra + 1), [found.design], deadline)
         except SynthesisError:
             stages.append("found nothing with it")
             break
         again.earlier = found.starts
         stages += again.stages
-        task, found = more, again
-    return task, found, worst
+        found = again
+    return found, worst
 
 
-def _worst(task: _Task, over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
+def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
     """Return by how much the worst point of a family is worse than those tuned for, that point, and the norm there."""
-    assert found.best is not None
-    x, problem = found.best, found.problem
-    plants, values = task.middle(), problem.physical_values(x)
-    K = problem.lti(x, plants[0].measurements, plants[0].controls)
-    aims = [item for item in task.channels if item.budget is None] or list(task.channels)
-    top = exp(found.value)
+    problem, size = found.problem, len(over.uncertain)
+    K, values = problem.lti(found.design), problem.physical_values(found.design)
+    aims = [item for item in problem.channels if problem.budgets_alone or item.budget is None]
 
     def norms(point: Array) -> list[tuple[float, ChannelNorm]]:
         plant = over.plant(values, point)
         try:
             loop = loop_of(plant, K)
         except SynthesisError:
-            return []
-        listed = []
-        for channel in task.channels:
-            norm = ChannelNorm(over.label(point), channel, channel_norm(loop, plant, K, channel))
-            reference = (top if channel.budget is None else 1.0) * (channel.budget or 1.0)
-            if channel.budget is not None and channel in aims:
-                reference *= top
-            listed.append((norm.value / reference - 1.0, norm))
-        return listed
+            bad = NormBounds(inf, inf, nan, UNSTABLE)
+            return [(inf, ChannelNorm(over.model(point).label, item, bad)) for item in problem.channels]
+        there = [ChannelNorm(over.model(point).label, c, channel_norm(loop, plant, K, c)) for c in problem.channels]
+        return [(share_used(item) / (exp(found.value) if item.channel in aims else 1.0) - 1.0, item) for item in there]
 
-    def excess(point: Array) -> float:
-        return max((item[0] for item in norms(point)), default=inf)
-
-    def aimed(point: Array) -> tuple[float, ChannelNorm]:
+    def of_aims(point: Array) -> tuple[float, ChannelNorm]:
         """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
-        bad = NormBounds(inf, inf, nan, UNSTABLE)
-        shown = [item for item in norms(point) if item[1].channel in aims]
-        return max(shown, key=lambda each: each[0], default=(inf, ChannelNorm(over.label(point), aims[0], bad)))
+        return max((item for item in norms(point) if item[1].channel in aims), key=lambda each: each[0])
 
-    size = len(over.uncertain)
-    point, most, _ = pattern_search(excess, size, 1.0)
-    at = point if len(aims) == len(task.channels) else pattern_search(lambda d: aimed(d)[0], size, 1.0)[0]
-    return most, point, max((aimed(d) for d in (point, at)), key=lambda each: each[0])[1]
-
-
-def _share_used(found: ChannelNorm) -> float:
-    return found.value / (found.channel.budget or 1.0)
-
-
-def _result(task: _Task, found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
-    """Return the best controller, verified from what the user handed in.
-
-    Raises
-    ------
-    SynthesisError
-        It could not be verified, or exceeds a budget.
-    """
-    assert found.best is not None
-    problem, x = found.problem, found.best
-    tell("verifying")
-    plants = task.plants.given(x[problem.physical])
-    K = problem.lti(x, plants[0].measurements, plants[0].controls).balanced()
-    K = replace(K, scales=plants[0].system.scales)
-    loops = [loop_of(plant, K) for plant in plants]
-    norms = tuple(
-        (i, ChannelNorm(label, channel, channel_norm(loop, plant, K, channel)))
-        for i, (label, plant, loop) in enumerate(zip(task.plants.labels, plants, loops, strict=True))
-        for channel in task.channels
-    )
-    only = all(channel.budget is not None for channel in task.channels)
-    aims = [item for item in norms if only or item[1].channel.budget is None]
-    largest, top = max(aims, key=lambda each: _share_used(each[1]))
-    _check_kept(problem, x, norms)
-    passive = len(task.plants.physical) > 0
-    values = [(item.value, i, item.channel) for i, item in aims]
-    if passive:
-        lower, reason = 0.0, "none: the plant itself is tuned"
-    else:
-        tell("bound on any controller")
-        lower, reason = lower_bound(list(plants), values, _BOUND_TIME)
-    point = Point(problem, x, found.known)
-    active = _active(problem, x, point)
-    peaks, least = _peaks(task, problem, point)
-    fastest = float(np.abs(K.poles).max(initial=0.0)) if len(K.A) else 0.0
-    slowest = max((float(loop.poles.real.max()) for loop in loops if len(loop.A)), default=-inf)
-    certificate = DesignCertificate(
-        norm_bounds=top.norm,
-        channel_norms=tuple(item for _, item in norms),
-        spectral_abscissa=slowest,
-        lower_bound=lower,
-        lower_bound_source=reason,
-        fastest_pole=fastest,
-        active_peaks=peaks,
-        stationarity=least,
-        active_constraints=active,
-        stages=stages,
-        summary="",
-        worst_case=None if worst is None else max((worst, top), key=_share_used),
-    )
-    edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
-    certificate = replace(certificate, summary=_statement(certificate, top, len(plants), least, found, edges))
-    named = replace(K, input_labels=plants[0].measurements, output_labels=plants[0].controls)
-    return TuneResult(
-        named,
-        tuple(replace(loop, state_labels=()) for loop in loops),
-        largest,
-        top.value,
-        certificate,
-        problem.values(x),
-        problem.physical_values(x),
-        tuple(found.starts),
-        task.plants.labels,
-        tuple(plants),
-        task.deadline.elapsed,
-    )
-
-
-def _check_kept(problem: Problem, x: Array, norms: "tuple[tuple[int, ChannelNorm], ...]") -> None:
-    """Refuse a controller that exceeds a budget or a bound on poles or gains."""
-    only = all(channel.budget is not None for channel in problem.channels)
-    for _, item in norms:
-        budget = item.channel.budget
-        if budget is not None and item.value > budget * (1.0 + CERTIFIED):
-            what = (
-                "the budgets cannot all be kept as far as was found" if only else "no controller found keeps its budget"
-            )
-            where = f", {item.model}" if item.model else ""
-            raise SynthesisError(f"{what}: {item.channel.text}{where} is {item.value:.6g}, allowed are {budget:.6g}")
-    point = Point(problem, x)
-    for piece in point.bounds:
-        if piece.value > CERTIFIED:
-            raise SynthesisError(f"no controller found keeps its bound: {_bound_text(problem, piece.channel)}")
-    if problem.max_gain is not None:
-        value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
-        if value > problem.max_gain * (1.0 + CERTIFIED):
-            raise SynthesisError(f"no controller found keeps max_gain = {problem.max_gain:.6g}: it reaches {value:.6g}")
-
-
-def _bound_text(problem: Problem, kind: int) -> str:
-    return {
-        FASTEST_POLE: f"fastest_pole = {problem.fastest_pole}",
-        DAMPING: f"min_damping_ratio = {problem.min_damping_ratio}",
-        DECAY: f"min_decay_rate = {problem.min_decay_rate}",
-        GAIN_LIMIT: f"max_gain = {problem.max_gain}",
-    }[kind]
-
-
-def _active(problem: Problem, x: Array, point: Point) -> tuple[str, ...]:
-    """Return the bounds that are used up."""
-    result = []
-    for item, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
-        width = high - low
-        for end, name in ((low, "least"), (high, "largest")):
-            if abs(number - end) <= _AT_END * width:
-                if item.kind == GAIN:
-                    result.append(f"{item.name} runs away: an infimum at infinite gain; give gain_limit")
-                else:
-                    result.append(f"{item.name} at its {name}, {item.value(number):.6g}")
-    kinds = {piece.channel for piece in point.bounds if piece.value > -_ACTIVE}
-    result += [_bound_text(problem, kind) for kind in sorted(kinds, reverse=True)]
-    if problem.max_gain is not None:
-        value = float(point.norm_peaks(-1, GAIN_LIMIT, 0.0)[1][0])
-        if value > problem.max_gain * (1.0 - _ACTIVE):
-            result.append(_bound_text(problem, GAIN_LIMIT))
-    for _, c, _, value in point.norms:
-        if c >= 0 and problem.channels[c].budget is not None and value > -_ACTIVE and point.is_limit(c):
-            text = f"budget of the {problem.channels[c].text}"
-            result += [] if text in result else [text]
-    return tuple(result)
-
-
-def _peaks(task: _Task, problem: Problem, point: Point) -> tuple[tuple[ActivePeak, ...], float]:
-    """Return the active peaks, highest first, and the length of the least element of the hull of their gradients."""
-    pieces = point.pieces(_ACTIVE)
-    top = point.aim
-    near = [p for p in pieces if p.value >= (0.0 if p.limit else top) + log(1.0 - _ACTIVE)]
-    shown = sorted((p for p in near if p.channel >= 0 and p.top and not p.limit), key=lambda p: -p.value)
-    result = tuple(
-        ActivePeak(
-            task.plants.labels[p.model],
-            problem.channels[p.channel],
-            p.omega,
-            exp(p.value) * (problem.channels[p.channel].budget or 1.0),
-        )
-        for p in shown
-    )
-    return result, stationarity(near, point, problem.low, problem.high)
-
-
-def _statement(
-    c: DesignCertificate, top: ChannelNorm, models: int, least: float, found: Search, edges: list[str]
-) -> str:
-    kind = "verified" if top.norm.verified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
-    over = f", the largest of {models} models" if models > 1 else ""
-    said = f"{top.channel.text} {top.value:.6g}{over}, {kind}"
-    if c.lower_bound > 0.0 and c.optimality_gap <= _TELLING:
-        said += (
-            f"; at most {100.0 * c.optimality_gap:.2g} % above {c.lower_bound:.6g}, which no controller of any order "
-            "beats"
-        )
-    elif c.lower_bound > 0.0:
-        said += f"; controllers of any order might go far lower: not below {c.lower_bound:.3g} is all that is known"
-    else:
-        said += f"; no bound on other controllers: {c.lower_bound_source.removeprefix('none: ')}"
-    same = sum(isfinite(s.objective) and abs(s.objective / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
-    said += f"; stationary to {least:.2g} over {counted(len(c.active_peaks), 'peak')}"
-    said += f"; {same} of {len(found.starts)} starts came here"
-    if c.worst_case is not None:
-        said += f"; over the family {c.worst_case.value:.6g} at most as far as was found ({c.worst_case.model})"
-    if c.active_constraints:
-        said += f"; used up: {', '.join(c.active_constraints)}"
-    if edges:
-        said += f"; {edges[0]}"
-    return said
+    point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size, 1.0)
+    at = point if len(aims) == len(problem.channels) else pattern_search(lambda d: of_aims(d)[0], size, 1.0)[0]
+    return most, point, max((of_aims(d) for d in (point, at)), key=lambda each: each[0])[1]

@@ -16,7 +16,11 @@ ROUNDING = 1e-6  # relative: norms are certified to as much
 
 
 def bound(P, nmeas, ncon):
-    return full_order_bound(partition(P, nmeas, ncon), Deadline(20.0))
+    """Return the bound and what stands in for what; zero and the reason where there is none."""
+    try:
+        return full_order_bound(partition(P, nmeas, ncon), Deadline(20.0))
+    except bc.exceptions.SynthesisError as error:
+        return 0.0, str(error)
 
 
 def plant(rng, n, nw, nmeas, noise=0.0, ncon=1, weight=1.0):

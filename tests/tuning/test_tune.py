@@ -115,7 +115,6 @@ def test_units_of_the_signals_do_not_matter():
 STRUCTURES = {
     "gain": T.gain(),
     "pid": T.pid(),
-    "lead": T.lead(),
     "ppf": T.ppf(2),
     "notch": T.gain() * T.notch(),
     "shared": T.decentralized(T.gain() + T.ppf(), shared_parameters=True),
@@ -418,11 +417,27 @@ REFUSED = [
     (lambda: tuned_from(T.state_space(1, strictly_proper=True), 1), "initial_controller: .*strictly proper"),
     (
         lambda: tuned_from(T.state_space(1), 1, inputs=["v"]),
-        "initial_controller: .*'v' is none of the plant's: expected y",
+        "initial_controller: expected 1 .*, y, got v",
     ),
-    (lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2), "initial_controller: .*expected 1 input"),
+    (
+        lambda: tuned_from(T.state_space(1), 1, 2, inputs=2, outputs=2),
+        "initial_controller: expected 1 .*, y, got u.0., u",
+    ),
     (lambda: tuned_from(T.state_space(1), 1, dt=0.1), "initial_controller: .*expected continuous time"),
 ]
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: T.plant_parameter("c", np.nan, 1.0), "low = nan"),
+        (lambda: T.plant_parameter("c", 1.0, 1.0), "low, high = 1, 1"),
+        (lambda: T.notch(2.0, 1.0), "omega_min, omega_max = 2, 1"),
+    ],
+)
+def test_range_that_is_none_refused_by_the_name_of_its_ends(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
 
 
 @pytest.mark.parametrize(("call", "words"), REFUSED)
@@ -524,7 +539,7 @@ def test_a_loop_that_ends_at_the_edge_of_stability_says_so():
     assert found.certificate.spectral_abscissa < 0.0
     told = found.certificate.summary
     assert "ended at the edge of stability: a pole at" in told
-    assert "ask for decay=" in told
+    assert "ask for min_decay_rate=" in told
 
 
 def test_with_a_decay_asked_for_a_loop_does_not_end_at_the_edge():

@@ -1,9 +1,7 @@
 """Polishing by sequential quadratic programmes over all peaks near the highest, nearly multiple singular values too."""
 
 from collections.abc import Callable
-from functools import partial
 from math import inf, isfinite
-from typing import TypeVar
 
 import numpy as np
 from scipy.linalg import lapack
@@ -12,8 +10,9 @@ from scipy.optimize import nnls
 from boomctl.arrays import Array
 from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.point import BESIDE, WINDOW, Piece, Point
-from boomctl.tuning.responses import same_place
+from boomctl.tuning.point import BESIDE, Height, Piece, Point
+from boomctl.tuning.problem import GAIN_LIMIT
+from boomctl.tuning.responses import WINDOW, same_place
 from boomctl.tuning.solver.descent import Ended
 
 _MOST = 80  # pieces at most, the highest (a choice)
@@ -44,96 +43,112 @@ _ENOUGH = 1e-11  # slope that is left, relative to the costs, at which a quadrat
 _NO_ROW = 1e-12  # share of the longest row below which a row bounds nothing, and is not made longer (a choice)
 
 
-Place = TypeVar("Place", Piece, tuple[int, int, float, float])  # model, channel, frequency, value, and maybe more
-# a point that was tried: free numbers, the loops there, the merit, and the multipliers that led there
-Tried = tuple[Array, Point, float, Array]
-
-
-def polish(
-    point_at: Callable[[Array], Point],
-    x: Array,
-    low: Array,
-    high: Array,
-    *,
-    weight: float,
-    steps: int,
-    gain: float,
-    hard: float,
-) -> Ended:
-    """Return a point from which no small step over all peaks near the highest goes lower.
+class Polish:
+    """A search for a point from which no small step over all peaks near the highest goes lower.
 
     Parameters
     ----------
     point_at : function
         From free numbers to the loops there.
-    x, low, high : ndarray
-        Where to begin, and the ends of the numbers.
+    x : ndarray
+        Where to begin.
     weight : float
         What a unit of an exceeded bound costs.
-    steps : int
-        So many at most.
     gain : float
         Ends where a step promises less, or five together gain less.
     hard : float
-        The rows of a programme give way a little, unless no more than this gain is promised then.
+        The rows of a program give way a little, unless no more than this gain is promised then.
     """
-    point, n = point_at(x), len(x)
-    value = point.merit(weight)[0]
-    if not isfinite(value):
-        return Ended(x, value, 0)
-    exact = point.exact
-    H, damping = np.zeros((n, n)), _DAMPING
-    history = [value]
-    at = partial(_tried, point_at, low, high, weight)
-    for k in range(steps):
-        asked: set[tuple[int, int, float]] = set()
-        pieces = _chosen(point, asked)
-        sizes = _sizes(pieces, H)
-        if exact:
-            multipliers = _step(pieces, H, sizes, damping, x, low, high, weight, value, -inf)[2]
-            H = _curvature(point, pieces, multipliers, sizes)
-            sizes = _sizes(pieces, H)
-        for trial in range(_TRIALS):
-            solved = partial(
-                _step,
-                H=H,
-                sizes=sizes,
-                damping=damping,
-                x=x,
-                low=low,
-                high=high,
-                weight=weight,
-                value=value,
-                wanted=hard,
-            )
-            d, promised, multipliers = solved(pieces)
-            if promised <= gain:
-                return Ended(x, value, k, damping < 1e3 * _DAMPING)
-            tried = at(x + d, multipliers)
-            if exact:
-                tried = _corrected(tried, pieces, x, value - _GOOD * promised, solved, at)
-            there, result = tried[1:3]
-            if result <= value - _FALL * promised:
-                if trial == 0:
-                    good = value - result >= _GOOD * promised
-                    damping = max((0.1 if good else 0.4) * damping, _LEAST)
+
+    def __init__(
+        self, point_at: Callable[[Array], Point], x: Array, *, weight: float, gain: float, hard: float
+    ) -> None:
+        self._point_at, self._weight, self._gain, self._hard = point_at, weight, gain, hard
+        self._point, self._damping = point_at(x), _DAMPING
+        self._H = np.zeros((len(x), len(x)))
+
+    def run(self, steps: int) -> Ended:
+        """Return where so many steps, or fewer, end."""
+        value = self._point.merit(self._weight)[0]
+        if not isfinite(value):
+            return Ended(self._point.x, value, 0)
+        history = [value]
+        for k in range(steps):
+            asked: set[tuple[int, int, float]] = set()
+            pieces = _chosen(self._point, asked)
+            self._sizes = _sizes(pieces, self._H)
+            self._H = _curvature(self._point, pieces, self._step(pieces, value, -inf)[2], self._sizes)
+            self._sizes = _sizes(pieces, self._H)
+            for trial in range(_TRIALS):
+                d, promised, _ = self._step(pieces, value, self._hard)
+                if promised <= self._gain:
+                    return Ended(self._point.x, value, k, self._damping < 1e3 * _DAMPING)
+                there, result = self._corrected(d, pieces, value, promised)
+                if result <= value - _FALL * promised:
+                    if trial == 0:
+                        good = value - result >= _GOOD * promised
+                        self._damping = max((0.1 if good else 0.4) * self._damping, _LEAST)
+                    break
+                more = _unseen(there, pieces) - asked if isfinite(result) else set()
+                if more:
+                    asked |= more
+                    pieces = _chosen(self._point, asked)
+                bends = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
+                self._damping = min(max((2.0 if more else 6.0) * self._damping, bends), _LARGEST)
+            else:
+                return Ended(self._point.x, value, k)
+            self._point, value = there, result
+            history.append(value)
+            if len(history) > 6 and history[-7] - value < 10.0 * self._gain:
+                return Ended(self._point.x, value, k + 1)
+        return Ended(self._point.x, value, steps)
+
+    def _tried(self, d: Array) -> tuple[Point, float]:
+        """Return the loops after a step, and their merit."""
+        there = self._point_at(self._point.problem.clipped(self._point.x + d))
+        return there, there.merit(self._weight)[0]
+
+    def _corrected(self, d: Array, pieces: list[Piece], value: float, promised: float) -> tuple[Point, float]:
+        """Return the loops after a step, or lower ones: the program is solved anew for what the pieces have bent to there."""
+        there, result = self._tried(d)
+        for _ in range(_CORRECTIONS):
+            if not isfinite(result) or result <= value - _GOOD * promised:
                 break
-            more = _unseen(there, pieces, asked) if isfinite(result) else set()
-            if more:
-                asked |= more
-                pieces = _chosen(point, asked)
-            bends = 0.0 if isfinite(result) else _SHORTER * float(d @ H @ d) / float(d @ (sizes * d))
-            damping = min(max((2.0 if more else 6.0) * damping, bends), _LARGEST)
-        else:
-            return Ended(x, value, k)
-        if not exact:
-            active = [(m, p) for m, p in zip(tried[3], pieces, strict=True) if m > _ACTIVE and p.top]
-            H = _updated(H + 1e-3 * damping * np.diag(sizes), tried[0] - x, active, there.pieces(WINDOW))
-        x, point, value = tried[:3]
-        history.append(value)
-        if len(history) > 6 and history[-7] - value < 10.0 * gain:
-            return Ended(x, value, k + 1)
-    return Ended(x, value, steps)
+            bent = _bent_pieces(pieces, there, there.x - self._point.x)
+            further, lower = self._tried(self._step(bent, value, self._hard)[0])
+            if lower >= result:
+                break
+            there, result = further, lower
+        return there, result
+
+    def _step(self, pieces: list[Piece], value: float, wanted: float) -> tuple[Array, float, Array]:
+        """Return the step of a quadratic program, the gain that it promises, and the multipliers of the pieces.
+
+        Rows give way a little, unless no more than the gain ``wanted`` is promised then.
+        """
+        x, problem, root = self._point.x, self._point.problem, np.sqrt(self._sizes)  # steps count in natural sizes
+        values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
+        limits, n, count = np.array([p.limit for p in pieces]), len(x), len(pieces)
+        top, some = values[~limits].max(), int(limits.any())
+        curved = self._H / root / root[:, None]
+        # the step, the highest objective, and where there are limits by how much the worst is exceeded
+        m = n + 1 + some
+        Q, c, unit = np.zeros((m, m)), np.zeros(m), np.eye(m)
+        Q[:n, :n] = curved + self._damping * np.eye(n)
+        c[n], c[n + 1 :] = 1.0, self._weight
+        rows = np.hstack([slopes, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
+        up, down = np.maximum((problem.high - x) * root, 0.0), np.maximum((x - problem.low) * root, 0.0)
+        above, below = up < _FAR, down < _FAR
+        rows = np.vstack([rows, -unit[n + 1 :], unit[:n][above], -unit[:n][below]])
+        sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up[above], down[below]])
+        for give in (_GIVE, 0.0):
+            y, z = least(Q, c, rows, sides, give)
+            there = values + slopes @ y[:n]
+            over = max(float(there[limits].max(initial=0.0)), 0.0)
+            promised = value - (float(there[~limits].max()) + self._weight * over) - 0.5 * float(y[:n] @ curved @ y[:n])
+            if promised > wanted:
+                break
+        return y[:n] / root, promised, z[:count]
 
 
 def _sizes(pieces: list[Piece], H: Array) -> Array:
@@ -145,11 +160,15 @@ def _sizes(pieces: list[Piece], H: Array) -> Array:
 def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
     """Return the curvature of the Lagrangian, what is negative turned round: so that steps lead away from saddles."""
     n = len(point.x)
-    H = np.zeros((n, n))
+    H, moved = np.zeros((n, n)), [point.beside(point.x + step) for step in _LITTLE * np.eye(n)]
     for multiplier, piece in zip(multipliers, pieces, strict=True):
-        if multiplier <= _ACTIVE or piece.channel < -1 or not piece.top:
+        if multiplier <= _ACTIVE or piece.channel < GAIN_LIMIT or not piece.top:
             continue
-        H += multiplier * (_h2_hessian(point, piece) if np.isnan(piece.omega) else peak_hessian(point, piece))
+        if np.isnan(piece.omega):  # of an H2 norm, by differences of its gradient
+            there = [item.h2(piece.model, piece.channel)[1] if item.stable else piece.gradient for item in moved]
+            H += multiplier * (np.array(there) - piece.gradient) / _LITTLE
+        else:
+            H += multiplier * peak_hessian(point, piece)
     if not np.isfinite(H).all():
         return np.zeros((n, n))
     root = np.sqrt(sizes)
@@ -157,113 +176,20 @@ def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Arr
     return (root[:, None] * vectors * np.abs(values)) @ (vectors.T * root)
 
 
-def _h2_hessian(point: Point, piece: Piece) -> Array:
-    """Return second derivatives of the logarithm of an H2 norm, by differences of its gradient."""
-    rows = []
-    for step in _LITTLE * np.eye(len(point.x)):
-        moved = point.beside(point.x + step)
-        result = moved.h2(piece.model, piece.channel)[1] if moved.stable else piece.gradient
-        rows.append((result - piece.gradient) / _LITTLE)
-    return np.array(rows)
-
-
 def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
-    pieces = point.pieces(WINDOW, asked, between=_BETWEEN)
-    order = sorted(range(len(pieces)), key=lambda i: (not pieces[i].limit, pieces[i].value), reverse=True)
-    aims = [pieces[i] for i in order if not pieces[i].limit][:_MOST]
-    return aims + [pieces[i] for i in order if pieces[i].limit][:_MOST]
-
-
-def _step(
-    pieces: list[Piece],
-    H: Array,
-    sizes: Array,
-    damping: float,
-    x: Array,
-    low: Array,
-    high: Array,
-    weight: float,
-    value: float,
-    wanted: float,
-) -> tuple[Array, float, Array]:
-    """Return the step of a quadratic programme, the gain that it promises, and the multipliers of the pieces.
-
-    Rows give way a little, unless no more than the gain ``wanted`` is promised then.
-    """
-    n, root = len(x), np.sqrt(sizes)  # the step counts in natural sizes
-    values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
-    limits = np.array([p.limit for p in pieces])
-    top = values[~limits].max()
-    any_limits = bool(limits.any())
-    m = n + (2 if any_limits else 1)
-    Q = np.zeros((m, m))
-    curved = H / root / root[:, None]
-    Q[:n, :n] = curved
-    Q.reshape(-1)[: n * m : m + 1] += damping
-    c = np.zeros(m)
-    c[n] = 1.0
-    up, down = (high - x) * root, (x - low) * root
-    above, below = np.flatnonzero(up < _FAR), np.flatnonzero(down < _FAR)
-    count = len(pieces)
-    middle = count + any_limits
-    rows, sides = np.zeros((middle + len(above) + len(below), m)), np.zeros(middle + len(above) + len(below))
-    rows[:count, :n], rows[:count, n], sides[:count] = slopes, limits - 1.0, np.where(limits, 0.0, top) - values
-    if any_limits:
-        c[n + 1] = weight
-        rows[:count, n + 1] = -1.0 * limits
-        rows[count, n + 1] = -1.0
-    end = middle + len(above)
-    rows[np.arange(middle, end), above], sides[middle:end] = 1.0, np.maximum(up[above], 0.0)
-    rows[np.arange(end, len(rows)), below], sides[end:] = -1.0, np.maximum(down[below], 0.0)
-    for give in (_GIVE, 0.0):
-        y, z = least(Q, c, rows, sides, give)
-        scaled = y[:n]
-        there = values + slopes @ scaled
-        over = max(float(there[limits].max(initial=0.0)), 0.0)
-        bend = 0.5 * float(scaled @ curved @ scaled)
-        promised = value - (float(there[~limits].max()) + weight * over) - bend
-        if promised > wanted:
-            break
-    return scaled / root, promised, z[: len(pieces)]
-
-
-def _tried(
-    point_at: Callable[[Array], Point], low: Array, high: Array, weight: float, x: Array, multipliers: Array
-) -> Tried:
-    x = np.clip(x, low, high)
-    there = point_at(x)
-    return x, there, there.merit(weight)[0], multipliers
-
-
-def _corrected(
-    tried: Tried,
-    pieces: list[Piece],
-    x: Array,
-    enough: float,
-    solved: Callable[[list[Piece]], tuple[Array, float, Array]],
-    at: Callable[[Array, Array], Tried],
-) -> Tried:
-    """Return a point that was tried, or a lower one: the programme is solved anew for what the pieces have bent to there."""
-    for _ in range(_CORRECTIONS):
-        if not isfinite(tried[2]) or tried[2] <= enough:
-            break
-        d, _, multipliers = solved(_bent_pieces(pieces, tried[1], tried[0] - x))
-        further = at(x + d, multipliers)
-        if further[2] >= tried[2]:
-            break
-        tried = further
-    return tried
+    pieces = sorted(point.pieces(WINDOW, asked, between=_BETWEEN), key=lambda p: p.value, reverse=True)
+    return [p for p in pieces if not p.limit][:_MOST] + [p for p in pieces if p.limit][:_MOST]
 
 
 def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
     """Return pieces with the values that, with their slopes, are right at a point tried: what they bend is then seen."""
     return [
-        piece if near is None or not piece.top else piece._replace(value=near[3] - float(piece.gradient @ d))
+        piece if near is None or not piece.top else piece._replace(value=near.value - float(piece.gradient @ d))
         for piece, near in zip(pieces, _nearest(pieces, trial.tops(WINDOW)), strict=True)
     ]
 
 
-def _nearest(pieces: list[Piece], others: list[Place]) -> list[Place | None]:
+def _nearest(pieces: list[Piece], others: list[Height]) -> list[Height | None]:
     """Return what each piece has become among others; None where nothing near it is the same."""
     if not others or not pieces:
         return [None] * len(pieces)
@@ -276,30 +202,15 @@ def _nearest(pieces: list[Piece], others: list[Place]) -> list[Place | None]:
     return [others[k] if row[k] <= _NEAR else None for row, k in zip(apart, apart.argmin(axis=1), strict=True)]
 
 
-def _unseen(trial: Point, pieces: list[Piece], asked: "set[tuple[int, int, float]]") -> "set[tuple[int, int, float]]":
+def _unseen(trial: Point, pieces: list[Piece]) -> "set[tuple[int, int, float]]":
     """Return what stands out at a point tried and was no piece."""
     result = set()
-    for model, channel, omega in trial.highest:
-        there = [p.omega for p in pieces if p.model == model and p.channel == channel]
-        if not any(same_place(omega, item, BESIDE) for item in there):
+    for model, channel, omega, *_ in (trial.top, *([trial.over] if trial.over else [])):
+        there = [p.omega for p in pieces if (p.model, p.channel) == (model, channel)]
+        at_peak = channel >= GAIN_LIMIT and not np.isnan(omega)
+        if at_peak and not any(same_place(omega, item, BESIDE) for item in there):
             result.add((model, channel, omega))
-    return result - asked
-
-
-def _updated(B: Array, s: Array, active: list[tuple[float, Piece]], after: list[Piece]) -> Array:
-    """Return the curvature of the Lagrangian, by Powell's damped update."""
-    y, size = np.zeros_like(s), float(s @ B @ s)
-    tops = [item for item in after if item.top]
-    for (multiplier, piece), near in zip(active, _nearest([item for _, item in active], tops), strict=True):
-        if near is not None:
-            y += multiplier * (near.gradient - piece.gradient)
-    if size <= 0.0:
-        return B
-    product = float(s @ y)
-    share = 1.0 if product >= 0.2 * size else 0.8 * size / (size - product)
-    r = share * y + (1.0 - share) * (B @ s)
-    Bs = B @ s
-    return B - np.outer(Bs, Bs) / size + np.outer(r, r) / float(s @ r)
+    return result
 
 
 def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> float:
@@ -313,7 +224,7 @@ def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> 
     if not pieces or not len(x):
         return 0.0
     H = np.zeros((len(x), len(x)))
-    if len(pieces) == 1 and point.exact:
+    if len(pieces) == 1:
         H = _curvature(point, pieces, np.ones(1), _sizes(pieces, H))
     slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, H))
     longest = 1.0 if H.any() else float(np.linalg.norm(slopes, axis=1).max())

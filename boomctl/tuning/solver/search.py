@@ -1,6 +1,6 @@
 """The search from many starts: stabilize, descend, polish, in turn until nothing changes; the best so far is kept."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from math import exp, inf, isfinite, log
 
@@ -13,16 +13,14 @@ from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTimeError, tell
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
-from boomctl.tuning.solver.bundle import polish
+from boomctl.tuning.solver.bundle import Polish
 from boomctl.tuning.solver.descent import descend
-from boomctl.tuning.solver.starts import drawn, grown, lower
 
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most (a choice)
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)
-_LONG = 400  # steps of a descent where second derivatives are not known (a choice)
+_LEVELS = (-2.0, 1.0)  # powers of ten between which gains are drawn, over their natural size (a choice)
+_QUIET = 1e-2  # gains of the quiet start, over their natural size (a choice)
 _FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
-_MANY = 3  # starts above which the best is shaken too: who asks for few knows where to begin (a choice)
-_SHAKE = 0.1  # share by which the numbers of the best are moved, for one more start (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
 _LOWER = 0.5  # share of the time for the order below, whose optimum is a start (a choice)
 _HOPE = 4.0  # turns that each gain as much as the last which would bring a local search down to the best (a choice)
@@ -35,6 +33,10 @@ _AT_EDGE = 2.0  # times the distance kept from the edge of stability, up to whic
 _NEARER = 0.1  # share of its distance from the edge of stability that a turn may come nearer to it (a choice)
 _MISSED = 1e-7  # relative height above the peaks known from which on one counts as missed: a tenth of what is certified
 _ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
+
+
+class NothingLeftError(Exception):
+    """The norm is zero as far as numbers tell."""
 
 
 @dataclass(frozen=True)
@@ -98,84 +100,71 @@ class Search:
     known: dict[tuple[int, int], Array] = field(default_factory=dict)
     stages: list[str] = field(default_factory=list)
 
-    def point(self, x: Array, problem: Problem | None = None) -> Point:
+    def point(self, x: Array, edge: float | None = None) -> Point:
         """Return the loops at free numbers; out of time where it is."""
         if self.deadline.over:
             raise OutOfTimeError
-        return Point(self.problem if problem is None else problem, x, self.known)
+        return Point(self.problem, x, self.known, edge)
 
-    def keep(self, point: Point, *, complete: bool = False) -> None:
-        """Remember a point if it is the best so far, by all its peaks: within the bounds first, then the lowest."""
+    def keep(self, point: Point) -> tuple[Point, bool]:
+        """Remember a point if it is the best so far: within the bounds first, then the lowest.
+
+        Return it with all its peaks, and whether these were known; those that a Hamiltonian matrix shows now are.
+        """
         if not point.stable or not isfinite(point.aim):
-            return
+            return point, True
+        point, complete = self._checked(point)
         if self.floor == -inf:
             self.floor = point.aim + log(_ZERO)
         excess = max(point.excess, LEVEL)
-        if (excess, point.aim) >= (self.excess, self.value):
-            return
-        if complete:
+        if (excess, point.aim) < (self.excess, self.value):
             self.best, self.value, self.excess = point.x.copy(), point.aim, excess
-        else:
-            self.keep(self.checked(point)[0], complete=True)
+        if self.value < self.floor:
+            raise NothingLeftError
+        return point, complete
 
-    def checked(self, point: Point) -> tuple[Point, bool]:
-        """Return a point with all its peaks, and whether these were known; those that a Hamiltonian matrix shows now are."""
+    def _checked(self, point: Point) -> tuple[Point, bool]:
+        """Return a point with all its peaks, and whether these were known."""
         missed = False
-        for model, channel, _, value in point.norms:
-            if model < 0 or self.problem.channels[channel].norm == "h2":
+        for model, channel, omega, value, _ in point.norms:
+            if channel < 0 or np.isnan(omega):
                 continue
-            loop = point.loops[model]
-            if loop is None:
-                return point, True
-            rows, columns = self.problem.rows[channel], self.problem.columns[channel]
-            B, C, D = loop.part(columns, rows)
-            norm = level_norm(Lti(loop.A, B, C, D))
-            here = exp(value + point.offset(channel))
+            loop, rows, columns = point.loop(model), self.problem.rows[channel], self.problem.columns[channel]
+            norm = level_norm(Lti(loop.A, loop.B[:, columns], loop.C[rows], loop.D[np.ix_(rows, columns)]))
+            here = exp(value + self.problem.offset(channel))
             if norm.lower_bound > here * (1.0 + _MISSED) and isfinite(norm.peak_omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.peak_omega)
                 missed = True
         return (point.beside(point.x), False) if missed else (point, True)
 
     @property
+    def design(self) -> Array:
+        """The best free numbers, of a search that found some."""
+        assert self.best is not None
+        return self.best
+
+    @property
     def starts(self) -> list[TuneStart]:
         """What all starts came to, those of searches before this one first."""
         return self.earlier + [item.start for item in self.searches]
 
-    def nothing_left(self) -> bool:
-        """Return whether the norm is zero as far as numbers tell."""
-        if self.value >= self.floor:
-            return False
-        self.stages.append("nothing left")
-        return True
-
-    def from_starts(
-        self,
-        begun: Iterable[tuple[str, Array]],
-        count: int,
-        shaken: bool,
-        rng: np.random.Generator,
-    ) -> None:
-        """Begin from all starts, finish the best few, and then, if asked for, from beside the best of all."""
+    def from_starts(self, begun: list[tuple[str, Array]]) -> None:
+        """Begin from all starts, then finish the best few."""
         order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
         for k, (kind, x) in enumerate(begun):
-            tell(f"{order}, start", k + 1, count)
+            tell(f"{order}, start", k + 1, len(begun))
             self.begin(self.problem.clipped(x), kind)
-            if self.nothing_left():
-                return
             if self.best is not None and half.over:
                 self.stages.append(f"time for {k + 1} starts")
                 break
         for k, local in enumerate(sorted(self.searches, key=lambda each: each.value)[:_FINISHED]):
             tell(f"{order}, finishing", k + 1, _FINISHED)
-            self.finish(local)
-            if self.nothing_left():
-                return
-        if shaken and self.best is not None:
-            tell(f"{order}, shaking the best")
-            moved = self.best * (1.0 + _SHAKE * rng.normal(size=len(self.best)))
-            self.finish(self.begin(self.problem.clipped(moved), "shaken"))
+            for _ in range(_ROUNDS):
+                if not local.open or (local.value - self.value > _HOPE * local.gain and local.value > self.value):
+                    break  # nothing changes, or there is no hope to come down to the best
+                self.turn(local)
 
-    def begin(self, x: Array, kind: str) -> "LocalSearch":
+    def begin(self, x: Array, kind: str) -> None:
         """Stabilize from one start, and take a first turn."""
         local = LocalSearch(kind, x)
         self.searches.append(local)
@@ -184,58 +173,33 @@ class Search:
             local.x, local.open = result, True
             self.keep(Point(self.problem, result, self.known))
             self.turn(local)
-        return local
-
-    def finish(self, local: "LocalSearch") -> None:
-        """Take turns until nothing changes, or until a local search has no hope to come down to the best."""
-        for _ in range(_ROUNDS):
-            if not local.open or (local.value - self.value > _HOPE * local.gain and local.value > self.value):
-                return
-            self.turn(local)
 
     def turn(self, local: "LocalSearch") -> None:
-        """Descend on the highest peak, after the first turn only without second derivatives, then polish over all near it."""
-        start = self.point(local.x)
-        edge = min(local.edge, 0.5 * start.apart)
-        problem, before = replace(self.problem, edge=edge if edge >= _LAST_EDGE else None), local.merit
-        down = descend(
-            lambda x: self.point(x, problem).merit(local.weight),
-            local.x,
-            problem.low,
-            problem.high,
-            steps=(_DESCENDING if before == inf else 0) if start.exact else _LONG,
-            gain=_GAIN,
-            enough=lambda x, value: value < self.floor,
-        )
-        local.x, local.steps, local.merit = down.x, local.steps + down.steps, down.value
-        if down.steps:
-            self.keep(Point(self.problem, local.x, self.known))
-        if down.value < self.floor:
-            local.value, local.open = down.value, False
-            return
-        done = polish(
-            lambda x: self.point(x, problem),
-            local.x,
-            problem.low,
-            problem.high,
-            weight=local.weight,
-            steps=_POLISHING,
-            gain=_PROMISE,
-            hard=-inf if before == inf else _PROMISE,  # the last digits are for those that are finished
-        )
+        """Descend on the highest peak at first, then polish over all near it, away from the edge of stability."""
+        edge, before, problem = min(local.edge, 0.5 * self.point(local.x).apart), local.merit, self.problem
+        kept = edge if edge >= _LAST_EDGE else None
+        if before == inf:
+
+            def merit(x: Array) -> tuple[float, Callable[[], Array]]:
+                return self.point(x, kept).merit(local.weight)
+
+            down = descend(merit, local.x, problem.low, problem.high, steps=_DESCENDING, gain=_GAIN)
+            local.x, local.steps = down.x, local.steps + down.steps
+        hard = -inf if before == inf else _PROMISE  # the last digits are for those that are finished
+        polish = Polish(lambda x: self.point(x, kept), local.x, weight=local.weight, gain=_PROMISE, hard=hard)
+        done = polish.run(_POLISHING)
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
-        point, fine = self.checked(Point(self.problem, local.x, self.known))
-        self.keep(point, complete=True)
+        point, complete = self.keep(Point(self.problem, local.x, self.known))
         if point.excess > LEVEL:
             local.weight *= 10.0
             local.gain = local.merit = inf  # merits of two weights tell nothing of each other
             return
         local.value = min(local.value, point.aim)
-        local.gain = before - done.value if fine else inf
+        local.gain = before - done.value if complete else inf
         local.open = local.gain >= _GAIN
-        if problem.edge is not None and point.apart < _AT_EDGE * problem.edge:  # on along it, and nearer
-            local.edge, local.open = _NEARER * problem.edge, True
-        elif fine and done.stationary:
+        if kept is not None and point.apart < _AT_EDGE * kept:  # on along it, and nearer
+            local.edge, local.open = _NEARER * kept, True
+        elif complete and done.stationary:
             local.gain = 0.0  # the last digits alone are left
 
     def stabilized(self, x: Array) -> tuple[Array | None, int]:
@@ -257,7 +221,9 @@ class Search:
         )
         end = self.point(result.x)
         if end.well_posed:
-            self.abscissa = min(self.abscissa, max(loop.abscissa for loop in end.loops if loop is not None))
+            self.abscissa = min(
+                self.abscissa, max(end.loop(i).abscissa for i in range(len(self.problem.plants.models)))
+            )
         return (result.x if end.stable else None), result.steps
 
 
@@ -267,7 +233,6 @@ def search(
     rng: np.random.Generator,
     deadline: Deadline,
     first: list[Array],
-    problem_of: Callable[..., Problem],
 ) -> Search:
     """Return the search from all starts, or what it had come to when the time ran out or the user stopped it.
 
@@ -279,40 +244,32 @@ def search(
     deadline : Deadline
     first : list of ndarray
         Starts that are given.
-    problem_of : function
-        Returns the problem with another structure.
     """
     work = Search(problem, deadline)
     try:
         begun: list[tuple[str, Array]] = [("given", x) for x in first]
-        less, reached = lower(problem.structure), -inf
+        less = problem.structure.lower()
         if less is not None and (starts > 1 or not first):
-            small = problem_of(less)
+            small = replace(problem, structure=less)
             # what a call for that order comes to: the same starts and the same numbers drawn
-            inner = search(small, starts, rng, _share(deadline, _LOWER), [], problem_of)
+            inner = search(small, starts, rng, _share(deadline, _LOWER), [])
             work.stages += [f"order {small.order}: {stage}" for stage in inner.stages]
             if inner.best is not None:
-                name, reached = f"from order {small.order}: {exp(inner.value):.6g}", inner.value
-                work.stages.append(name)
-                same = grown(problem.structure, problem.ports, inner.best, rng, 0.0)
-                near = grown(problem.structure, problem.ports, inner.best, rng)
-                begun += [(f"order {small.order}", same), (f"order {small.order}", near)]
+                work.stages.append(f"from order {small.order}: {exp(inner.value):.6g}")
+                begun.append((f"order {small.order}", problem.structure.grown(inner.best, problem.ports, rng)))
             if "stopped" in inner.stages or deadline.over:
                 for _, x in begun:
                     work.keep(Point(problem, problem.clipped(x), work.known))
                 work.stages.append("stopped" if "stopped" in inner.stages else "out of time")
                 return work
-        more = max(starts - len(begun), 1)
-
-        def every() -> Iterator[tuple[str, Array]]:
-            """Yield starts, from beside the optimum of the order below only where that itself led no further."""
-            for k, item in enumerate(begun):
-                if k < len(begun) - 1 or work.value >= reached - _GAIN:
-                    yield item
-            for k in range(more):
-                yield "drawn" if k else "quiet", drawn(problem.structure, problem.ports, rng, quiet=k == 0)
-
-        work.from_starts(every(), len(begun) + more, starts > _MANY, rng)
+        for k in range(
+            max(starts - len(begun) - (less is not None), 1)
+        ):  # of which the search for the lower order is one
+            level = float(10.0 ** rng.uniform(*_LEVELS)) if k else _QUIET
+            begun.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
+        work.from_starts(begun)
+    except NothingLeftError:
+        work.stages.append("nothing left")
     except OutOfTimeError:
         work.stages.append("out of time")
     except KeyboardInterrupt:

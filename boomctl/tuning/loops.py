@@ -1,0 +1,174 @@
+"""Plants with balanced states, and loops that a controller closes around them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy import linalg
+
+from boomctl.arrays import Array
+from boomctl.lti.modal import block_diagonal
+from boomctl.lti.rounding import TINY
+from boomctl.synthesis.plants.partition import GeneralizedPlant
+
+_MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the axis: above rounding (a choice)
+_INDEPENDENT = 1e7  # size of the inverse of eigenvectors up to which responses keep eight digits (a choice)
+_HAIR = 1e-7  # share of itself by which such an eigenvalue is moved: far less than norms are tuned to
+_ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
+
+
+@dataclass(frozen=True)
+class ScaledPlant(GeneralizedPlant):
+    """A generalized plant in units in which its gains are near one, and with balanced states.
+
+    Attributes
+    ----------
+    slopes, bends : ndarray or None
+        First and second derivatives of ``[[A, B], [C, D]]`` by physical parameters, (k, r, c) and (k, k, r, c).
+    order : int
+        Of the controller.
+    """
+
+    slopes: Array | None = None
+    bends: Array | None = None
+    order: int = 0
+
+    @cached_property
+    def frame(self) -> tuple[Array, Array, Array, Array]:
+        """The plant with the states of a controller beside its own, that read and do nothing yet.
+
+        These are ``[[A, B], [C, D]]`` from disturbances to performance, what the rates of the controller's states and its
+        controls add to that, and what the states and the measurements read of it; last what these read of the controls.
+        """
+        n, order, nz, nw = len(self.A), self.order, self.nz, self.nw
+        end = n + order
+        M, M12 = np.zeros((end + nz, end + nw)), np.zeros((end + nz, order + self.ncon))
+        M21, through = np.zeros((order + self.nmeas, end + nw)), np.zeros((order + self.nmeas, order + self.ncon))
+        M[:n, :n], M[:n, end:], M[end:, :n], M[end:, end:] = self.A, self.B1, self.C1, self.D11
+        M12[:n, order:], M12[end:, order:], M12[n:end, :order] = self.B2, self.D12, np.eye(order)
+        M21[order:, :n], M21[order:, end:], M21[:order, n:end] = self.C2, self.D21, np.eye(order)
+        through[order:, order:] = self.D22
+        return M, M12, M21, through
+
+
+def without_jordan_blocks(A: Array) -> Array:
+    """Return a matrix whose equal eigenvalues without eigenvectors of their own, as of weights, are a hair apart.
+
+    The search alone uses it: responses are then fast, and off by no more than that hair.
+    """
+    if not len(A) or independent(A) is not None:
+        return A
+    blocks, columns, widths = block_diagonal(A, _INDEPENDENT**0.5)
+    start, apart = 0, np.zeros_like(A)
+    for width in widths:
+        part = slice(start, start + width)
+        block = blocks[part, part]
+        if width > 1 and independent(block) is None:  # the transpose of what is nilpotent tells them apart the most
+            nilpotent = block - np.eye(width) * np.trace(block) / width
+            size = float(np.linalg.norm(nilpotent))
+            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
+        start += width
+    result = A + columns @ apart @ np.linalg.inv(columns)
+    return result if independent(result) is not None else A
+
+
+def independent(A: Array) -> tuple[Array, Array, Array] | None:
+    """Return eigenvalues, the inverse of the eigenvectors and the eigenvectors, if these are independent."""
+    try:
+        values, vectors = np.linalg.eig(A)
+        inverse = np.linalg.inv(vectors)
+    except np.linalg.LinAlgError:
+        return None
+    if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # of vectors of length one
+        return None
+    return values.astype(complex), inverse.astype(complex), vectors.astype(complex)
+
+
+@dataclass(frozen=True)
+class Closed:
+    """A closed loop, and what carries changes of the controller's matrices ``[[A, B], [C, D]]`` into it.
+
+    A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after``, to first order, and
+    reads itself through ``around``.  Where the plant moves with physical parameters, ``d`` is that of the controller and that
+    of the plant's matrix on a diagonal.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+    before: Array
+    after: Array
+    around: Array
+
+    @cached_property
+    def coordinates(self) -> tuple[Array, Array, Array]:
+        """``A`` in coordinates in which solving is fast, and the ways into them and out of them.
+
+        Those of the eigenvectors, where these are independent, ``A`` being the vector of the eigenvalues; else those of
+        the Schur form.
+        """
+        if not len(self.A):
+            return np.zeros(0, complex), self.A.astype(complex), self.A.astype(complex)
+        result = independent(self.A)
+        if result is not None:
+            return result
+        T, Z = linalg.schur(self.A, output="complex", check_finite=False)
+        return T, Z.conj().T, Z
+
+    @cached_property
+    def poles(self) -> Array:
+        """Eigenvalues [rad/s]."""
+        if "coordinates" not in self.__dict__:  # which take longer, and are not always asked for
+            return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
+        A = self.coordinates[0]
+        return A if A.ndim == 1 else np.diagonal(A)
+
+    @property
+    def abscissa(self) -> float:
+        """Largest real part of the poles."""
+        return float(self.poles.real.max(initial=-np.inf))
+
+    @property
+    def margin(self) -> float:
+        """By how much the poles are to stay left of the axis, so that rounding cannot take them over it."""
+        return _MARGIN * float(np.abs(self.poles).max(initial=0.0))
+
+    @cached_property
+    def modes(self) -> tuple[Array, Array, Array]:
+        """Poles, left eigenvectors as rows, and right ones as columns, their products one."""
+        if self.coordinates[0].ndim == 1:
+            return self.coordinates
+        values, left, right = linalg.eig(self.A, left=True, right=True, check_finite=False)
+        left = left.conj().T  # type: ignore[union-attr]
+        return values, left / (left * right.T).sum(axis=1)[:, None], right
+
+
+def close(plant: ScaledPlant, K: Array) -> Closed | None:
+    """Return a plant closed by a controller ``[[A, B], [C, D]]``; None where the loop is not well-posed."""
+    n, order, nu, ny, nw, nz = len(plant.A), plant.order, plant.ncon, plant.nmeas, plant.nw, plant.nz
+    end = n + order
+    M, M12, M21, through = plant.frame
+    gain, before, after, around, inverse = K, M12, M21, through, np.eye(len(K))
+    if through.any():
+        left = np.eye(len(K)) - K @ through
+        if linalg.svdvals(left)[-1] <= _ILL_POSED:
+            return None
+        inverse = np.linalg.inv(left)
+        gain = inverse @ K
+        before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
+    M = M + M12 @ gain @ M21
+    if plant.slopes is not None:  # what the plant adds to its states, outputs and measurements, and what it reads
+        adds, reads = np.zeros((end + nz, n + nz + ny)), np.zeros((n + nw + nu, end + nw))
+        adds[:n, :n], adds[end:, n : n + nz] = np.eye(n), np.eye(nz)
+        adds[:, n + nz :] = M12 @ gain[:, order:]
+        reads[:n, :n], reads[n : n + nw, end:] = np.eye(n), np.eye(nw)
+        reads[n + nw :] = gain[order:] @ M21
+        controls, measured = order + ny + n + nw, order + nu + n + nz  # where these begin among what is read and added
+        whole = np.zeros((controls + nu, measured + ny))
+        whole[: order + ny, : order + nu] = around
+        whole[order : order + ny, measured:] = np.eye(ny) + plant.D22 @ gain[order:, order:]
+        whole[controls:, : order + nu] = inverse[order:]
+        whole[controls:, measured:] = gain[order:, order:]
+        before, after, around = np.hstack([before, adds]), np.vstack([after, reads]), whole
+    return Closed(M[:end, :end], M[:end, end:], M[end:, :end], M[end:, end:], before, after, around)
