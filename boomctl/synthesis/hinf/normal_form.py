@@ -13,7 +13,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 _MAX_CONDITION = 1e5  # Of the modal basis; modes with nearly dependent eigenvectors share a block.
 
 
-@dataclass
+@dataclass(frozen=True)
 class NormalizedPlant(GeneralizedPlant):
     """Plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and scaled modal states.
 
