@@ -1,8 +1,8 @@
 """The bilinear map ``z = (1 + w/g)/(1 - w/g)``, ``g = 2/dt``: the unit circle becomes the imaginary axis, exactly.
 
 A discrete system and its image have the same response, at ``z = exp(j omega dt)`` and at ``w = j (2/dt) tan(omega dt/2)``;
-the same norm, the same Hankel singular values; and one is stable where the other is.  The image of a discrete system is that
-continuous one whose Tustin discretisation it is; a system in continuous time is its own, so that nobody has to ask.
+the same norm and the same Hankel singular values, and both are stable or neither is.  The image of a discrete system is the
+continuous system whose Tustin discretization it is.  A system in continuous time is its own image.
 """
 
 from dataclasses import replace
@@ -70,15 +70,15 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     )
 
 
-def _moved(system: Lti, coefficients: tuple[float, float, float], dt: float, refusal: str) -> Lti:
+def _moved(system: Lti, coefficients: tuple[float, float, float], dt: float, message: str) -> Lti:
     """Return the system over ``(a x + b)/(c x + 1)`` instead of ``x``, which is ``s`` or ``z``.
 
     One factor goes to each side, so that Gramians stay those of the system up to no more than that.
     """
     (a, b, c), eye = coefficients, np.eye(len(system.A))
-    inverse, moved = balanced_inverse(eye + c * system.A, DIGIT, refusal), b * eye + a * system.A
+    inverse, moved = balanced_inverse(eye + c * system.A, DIGIT, message), b * eye + a * system.A
     A, B, C, side = inverse @ moved, inverse @ system.B, system.C @ inverse, np.sqrt(a - b * c)
-    # of a pole that goes to zero nothing is left but rounding
+    # A pole at zero leaves only rounding error.
     A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (np.abs(b) * eye + np.abs(a * system.A)))] = 0.0
     D = system.D - c * (system.C @ B)
     return replace(system, A=A, B=side * B, C=side * C, D=D, dt=dt)

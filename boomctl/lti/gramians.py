@@ -8,7 +8,7 @@ from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti
 
-EXTENDED = 400  # states up to which residuals are summed in extended precision: beyond, that takes seconds (a choice)
+EXTENDED = 400  # Number of states up to which residuals are summed in extended precision; beyond, that takes seconds.
 _SOLVED = 4  # solutions of a refined Gramian: the first, and corrections that gain some ten digits each
 
 
@@ -74,9 +74,9 @@ def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, flo
     """
     low, high = band
     if modal is not None:
-        share = _share(modal.poles, high) - _share(modal.poles, low)
+        weights = _modal_integral(modal.poles, high) - _modal_integral(modal.poles, low)
         J = modal.mixing
-        return np.real((J * share) @ J.conj().T)
+        return np.real((J * weights) @ J.conj().T)
     eye = np.eye(len(system.A))
 
     def until(w: float) -> Array:
@@ -85,5 +85,5 @@ def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, flo
     return np.real(until(high) - until(low))
 
 
-def _share(poles: Array, w: float) -> Array:
+def _modal_integral(poles: Array, w: float) -> Array:
     return -0.5j / np.pi * (np.log(1j * w - poles) - np.log(-1j * w - poles))

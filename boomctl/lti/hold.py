@@ -173,11 +173,11 @@ class Lifted:
     Attributes
     ----------
     seen : (size, outputs, n) ndarray
-        Outputs within a block per state at its beginning.
+        Outputs within a block per initial state.
     power : (n, n) ndarray
-        State at the end of a block per state at its beginning.
+        Final state of a block per initial state.
     reached : (size, inputs, n) ndarray
-        State at the end of a block per input within it.
+        Final state of a block per input within it.
     pulse : (outputs, inputs, size) ndarray
         Pulse responses.
     """
@@ -204,7 +204,7 @@ class Lifted:
         return padded.reshape(len(U), count, self.size)
 
     def pushed(self, blocks: Array) -> Array:
-        """Return what the inputs add to the state over each block, (blocks, n)."""
+        """Return the contribution of the inputs to the final state of each block, (blocks, n)."""
         inputs, count, size = blocks.shape
         flat = blocks.transpose(1, 2, 0).reshape(count, size * inputs)
         return flat @ self.reached.reshape(size * inputs, self.reached.shape[2])
@@ -234,7 +234,7 @@ def lifted_motion(
 ) -> tuple[Array, Array]:
     """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = start``.
 
-    The second value are the states ``z`` at the beginnings of blocks, (blocks, n).  Only these are found one after the other.
+    The second value are the states ``z`` at the beginnings of blocks, (blocks, n).  Only these are computed sequentially.
     """
     Phi, first, last = maps
     G, through = recursion_without_lead(Phi, first, last, C, D)

@@ -1,7 +1,7 @@
-"""Linear systems ``x' = A x + B u``, ``y = C x + D u``: one record for all that is done with them.
+"""Linear systems ``x' = A x + B u``, ``y = C x + D u``: the record used by all computations.
 
-python-control's types stand at the border only: :func:`of` turns what a user hands in into an :class:`Lti`, with one
-check and one message, and :meth:`Lti.statespace` gives a named ``control.StateSpace`` back.
+python-control's types occur only at the interface: :func:`of` converts and checks user input to an :class:`Lti`, and
+:meth:`Lti.statespace` returns a named ``control.StateSpace``.
 """
 
 import sys
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import control
 
     class Design(Protocol):
-        """What a synthesis returns: it holds a controller."""
+        """Result of a synthesis, with a controller."""
 
         @property
         def controller(self) -> control.StateSpace: ...
@@ -33,10 +33,10 @@ if TYPE_CHECKING:
     Controller: TypeAlias = control.StateSpace | control.TransferFunction | Design
 
 BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
-# sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
+# Range of the largest matrix entry in which products of entries, and times of the poles, are finite.
 _SIZES = (1e-250, 1e100)
-_TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
-SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
+_TIMES = (1e-30, 1e30)  # Range of sampling times [s] in which rates and frequencies are finite.
+SLOWEST = 1e-12  # Frequencies up to this one count as zero [rad/s].
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,9 @@ class Lti:
     A, B, C, D : ndarray
         Real, finite, of shapes (n, n), (n, m), (p, n), (p, m).
     input_labels, output_labels, state_labels : tuple of str
-        Names; empty where nobody asks for them.
+        Names; empty if not needed.
     dt : float
-        Sampling time [s]; 0 in continuous time, ``nan`` in discrete time that does not say.
+        Sampling time [s]; 0 in continuous time, ``nan`` in discrete time of unspecified step.
     scales : mapping from str to float, or None
         Amount of each signal that counts as one, 1 where a signal has no entry; empty for a system in the units of the
         machine, None if unknown. May name signals that the system does not have.
@@ -69,12 +69,12 @@ class Lti:
     __repr__ = compact
 
     def select(self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None) -> "Lti":
-        """Return the system between the signals named, in that order; ``None`` means all.
+        """Return the system between the named signals, in that order; ``None`` means all.
 
         Raises
         ------
         ValueError
-            A name that is not known or is asked for twice.
+            If a name is unknown or requested twice.
         """
         ins, outs = names("input", inputs, self.input_labels), names("output", outputs, self.output_labels)
         return self.between(
@@ -137,7 +137,7 @@ class Lti:
 
     @property
     def distances(self) -> tuple[Array, Array]:
-        """How far poles are inside the boundary of stability, and how far rounding of ``A`` moves them, to first order."""
+        """Distances of the poles inside the stability boundary, and first-order bounds on their rounding errors."""
         poles, reads, right = self.eigensystem
         with np.errstate(invalid="ignore", over="ignore"):
             moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right)) + TINY
@@ -146,20 +146,20 @@ class Lti:
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
 
-        Where a pole lies exactly at one of the frequencies, it may be one that does not show: that frequency, and no
-        other, is answered from a billionth beside it.
+        A pole exactly at one of the frequencies may be absent from the response.  The response at that frequency, and at no
+        other, is evaluated a relative distance of 1e-9 above it.
 
         Parameters
         ----------
         omega : (n,) ndarray
             Angular frequencies [rad/s].
         quiet : bool
-            Do not warn: for searches, whose frequencies nobody asked for.
+            Suppress warnings, for searches that choose their own frequencies.
 
         Warns
         -----
         SingularFrequencyWarning
-            A frequency was answered from beside it.
+            If the response at a frequency was evaluated near it.
         """
         states = np.empty((len(omega), *self.B.shape), complex)
         step = max(1, BATCH // max(len(self.A), 1) ** 2)
@@ -168,19 +168,19 @@ class Lti:
         return (self.C @ states + self.D).transpose(1, 2, 0)
 
     def _resolvent(self, omega: Array, quiet: bool) -> Array:
-        pencil, places = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
+        pencil, diagonal = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
         pencil[:] = -self.A.astype(complex)
-        pencil[:, places, places] += self.boundary(omega)[:, None]
+        pencil[:, diagonal, diagonal] += self.boundary(omega)[:, None]
         try:
             return np.linalg.solve(pencil, self.B.astype(complex))
         except np.linalg.LinAlgError:
             if len(omega) > 1:
                 return np.concatenate([self._resolvent(omega[k : k + 1], quiet) for k in range(len(omega))])
-        asked = beside(omega)
+        nearby = beside(omega)
         if not quiet:
-            said = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {asked[0]:.17g} rad/s"
-            warn_user(said, SingularFrequencyWarning)
-        return self._resolvent(asked, quiet)
+            message = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {nearby[0]:.17g} rad/s"
+            warn_user(message, SingularFrequencyWarning)
+        return self._resolvent(nearby, quiet)
 
     def boundary(self, omega: Any) -> Any:
         """Return where the response is that at ``omega``: ``s = j omega``, in discrete time ``z = exp(j omega dt)``."""
@@ -193,7 +193,7 @@ class Lti:
 
     @cached_property
     def magnitudes(self) -> "Lti":
-        """How large the numbers are that the entries were made of."""
+        """Magnitudes of the numbers from which the entries were computed."""
         return Lti(np.abs(self.A), np.abs(self.B), np.abs(self.C), np.abs(self.D), dt=self.dt)
 
     @property
@@ -215,15 +215,15 @@ class Lti:
 
         named = self.without_dots()
         labels = {"inputs": named.input_labels, "outputs": named.output_labels, "states": self.state_labels}
-        given: dict[str, Any] = {kind: list(names) for kind, names in labels.items() if names} | {"name": name}
+        arguments: dict[str, Any] = {kind: list(names) for kind, names in labels.items() if names} | {"name": name}
         if self.dt != 0.0:
-            given["dt"] = True if np.isnan(self.dt) else self.dt
+            arguments["dt"] = True if np.isnan(self.dt) else self.dt
         signals = named.input_labels + named.output_labels
         scales = {label: value for label, value in (self.scales or {}).items() if label in signals}
         matrices = (self.A, self.B, self.C, self.D)
         if scales:
-            return ScaledStateSpace(*matrices, scales=scales, **given)
-        system = control.ss(*matrices, **given)
+            return ScaledStateSpace(*matrices, scales=scales, **arguments)
+        system = control.ss(*matrices, **arguments)
         if self.scales is not None:
             setattr(system, UNSCALED, True)
         return system
@@ -238,7 +238,7 @@ def rates_of(poles: Array, dt: float) -> Array:
 
 
 def beside(omega: Array) -> Array:
-    """Return the frequencies that answer for those at which a pole lies: a billionth above them [rad/s]."""
+    """Return the frequencies that replace those at a pole: a relative distance of 1e-9 above them [rad/s]."""
     return omega * (1.0 + ALIKE) + SLOWEST
 
 
@@ -293,15 +293,15 @@ class ClosedLoop:
 
     @cached_property
     def magnitudes(self) -> Lti:
-        """How large the numbers are that the entries of ``system`` were made of."""
+        """Magnitudes of the numbers from which the entries of ``system`` were computed."""
         scale = balance(lower_lft(self.plant, self.controller).A)[1]
         solved = np.abs(_solved(self.plant, self.controller))
-        made = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
-        return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
+        terms = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
+        return replace(terms, A=terms.A / scale[:, None] * scale, B=terms.B / scale[:, None], C=terms.C * scale)
 
 
 System: TypeAlias = Lti | ClosedLoop
-"""What norms and poles are asked of."""
+"""Systems accepted by the norm and pole functions."""
 
 
 def lower_lft(plant: Lti, controller: Lti) -> Lti:
@@ -364,24 +364,24 @@ def well_posed_inverse(matrix: Array) -> Array:
     ValueError
         The loop is not well-posed.
     """
-    refusal = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
-    return balanced_inverse(matrix, SUMMED, refusal)
+    message = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
+    return balanced_inverse(matrix, SUMMED, message)
 
 
-def balanced_inverse(matrix: Array, rounding: float, refusal: str) -> Array:
-    """Return the inverse of one plus a matrix, judged and computed after balancing, so that units do not matter.
+def balanced_inverse(matrix: Array, rounding: float, message: str) -> Array:
+    """Return the inverse of a matrix, tested and computed after balancing, so that units do not matter.
 
     Raises
     ------
     ValueError
-        ``refusal``, where its smallest singular value is rounding of one or of the largest.
+        With ``message``, if the smallest singular value is below rounding error of one or of the largest.
     """
     if not len(matrix):
         return matrix
     balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
     if values[-1] <= rounding * max(1.0, values[0]):
-        raise ValueError(refusal)
+        raise ValueError(message)
     result = linalg.inv(balanced)
     # To componentwise accuracy: zeros of a chain stay zero.
     result += result @ (np.eye(len(matrix)) - balanced @ result)
@@ -438,7 +438,7 @@ def of(
     any_time : bool, optional
         True: both will do.
     sampled : bool, optional
-        True: discrete time will do as well, if it says its sampling time [s].
+        If True, discrete time with a specified sampling time is accepted as well.
 
     Raises
     ------
@@ -449,16 +449,16 @@ def of(
     """
     if isinstance(system, Lti):
         return system
-    given: Any = system
+    source: Any = system
     models = "SecondOrderModel" in expected
     if models and hasattr(system, "__lti__"):
-        result: Lti = given.__lti__().without_dots()
+        result: Lti = source.__lti__().without_dots()
     else:
         if models and hasattr(system, "to_statespace"):
-            given = given.to_statespace()
-        if not (is_transfer_function(given) or is_statespace(given)):
+            source = source.to_statespace()
+        if not (is_transfer_function(source) or is_statespace(source)):
             raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system, models)}")
-        result = _plain(given, what)
+        result = _plain(source, what)
     if not any_time:
         _check_time(what, result.dt, discrete, sampled)
     for letter in "ABCD":
@@ -474,14 +474,14 @@ def of(
         ("input", result.input_labels, result.D.shape[1]),
         ("output", result.output_labels, len(result.D)),
     ):
-        if labels and len(set(labels)) < count:  # python-control holds names that are there twice once
+        if labels and len(set(labels)) < count:  # python-control stores duplicate names once.
             got = f"{len(set(labels))}: {', '.join(labels)}"
             raise ValueError(f"{what}: expected a name of its own for each of {count} {kind}s, got {got}")
     return result
 
 
 def controller_of(
-    given: object,
+    controller: object,
     expected: str = "StateSpace",
     *,
     what: str = "controller",
@@ -492,8 +492,8 @@ def controller_of(
 
     ``scales`` are those of the plant: a scaled plant takes the controller of a design in scaled signals.
     """
-    held = "scaled_controller" if scales and hasattr(given, "scaled_controller") else "controller"
-    return of(getattr(given, held, given), what, expected, **time)
+    held = "scaled_controller" if scales and hasattr(controller, "scaled_controller") else "controller"
+    return of(getattr(controller, held, controller), what, expected, **time)
 
 
 def rescale(system: Lti, scales: Mapping[str, float]) -> Lti:

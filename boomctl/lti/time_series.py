@@ -1,4 +1,4 @@
-"""What all results over time have in common: their signals by name, and the same as python-control's time response."""
+"""Base class of all results over time: signals by name, and conversion to python-control's time response."""
 
 from __future__ import annotations
 

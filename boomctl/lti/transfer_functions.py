@@ -18,38 +18,40 @@ from boomctl.lti.rounding import ALIKE, LEVEL, SUMMED
 if TYPE_CHECKING:
     import control
 
-_BESIDE = (0.5, 0.99, 1.01, 2.0)  # times the size of a pole or zero: frequencies compared; not at a pole itself
-_REST = 1.0  # [rad/s], where all poles and zeros are at zero (any frequency will do)
-_HALF_CIRCLE = np.linspace(0.01, 3.1, 64)  # angles compared in discrete time, with those beside poles and zeros
+_NEARBY = (0.5, 0.99, 1.01, 2.0)  # Compared frequencies, as multiples of the magnitude of a pole or zero.
+_REST = 1.0  # Compared frequency if all poles and zeros are at zero [rad/s].
+_HALF_CIRCLE = np.linspace(
+    0.01, 3.1, 64
+)  # Compared angles in discrete time, in addition to those near poles and zeros.
 
 
-def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array, Array, Array]:
+def realized(system: "control.TransferFunction", what: str) -> tuple[Array, Array, Array, Array]:
     """Return ``A, B, C, D`` of a transfer function, balanced.
 
-    Of one entry all poles stay, also those that a zero cancels; of a matrix only those that its response has.
+    A single entry retains all poles, also those that a zero cancels; a matrix retains only the poles of its response.
 
     Raises
     ------
     ValueError
-        Coefficients that are not finite; not proper; realized with another response than the coefficients have.
+        If a coefficient is not finite, if it is not proper, or if the realization has another response.
     """
     entries = [
         (np.asarray(n, dtype=float), np.asarray(d, dtype=float))
-        for n, d in zip(chain(*given.num), chain(*given.den), strict=True)
+        for n, d in zip(chain(*system.num), chain(*system.den), strict=True)
     ]
     for n, d in entries:
         if not (np.isfinite(n).all() and np.isfinite(d).all()):
             raise ValueError(f"{what}: expected finite coefficients")
         if len(np.trim_zeros(n, "f")) > len(np.trim_zeros(d, "f")):
             raise ValueError(f"{what}: expected a proper transfer function, got a numerator of higher order")
-    shape = given.noutputs, given.ninputs
+    shape = system.noutputs, system.ninputs
     roots = np.concatenate([np.roots(part) for entry in entries for part in entry])
-    if given.isctime():
+    if system.isctime():
         rates = np.abs(roots)
-        at = 1j * np.unique(np.outer(rates[rates > 0.0] if rates.any() else [_REST], _BESIDE))
+        at = 1j * np.unique(np.outer(rates[rates > 0.0] if rates.any() else [_REST], _NEARBY))
     else:
-        beside = np.outer(np.abs(np.angle(roots)), _BESIDE)
-        at = np.exp(1j * np.union1d(_HALF_CIRCLE, beside[(beside > 0.0) & (beside < np.pi)]))
+        nearby = np.outer(np.abs(np.angle(roots)), _NEARBY)
+        at = np.exp(1j * np.union1d(_HALF_CIRCLE, nearby[(nearby > 0.0) & (nearby < np.pi)]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         num, den, sizes_n, sizes_d = (
             np.array([np.polyval(size(entry[k]), size(at)) for entry in entries]).reshape(*shape, len(at))

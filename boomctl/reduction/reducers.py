@@ -201,7 +201,7 @@ class HankelApproximation(GramianReducer):
         k = int((values[r:] >= sigma * (1.0 - ROOT)).sum())
         dilated = _dilated(balanced, r, k, sigma)
         parts = spectral_parts(dilated)
-        stable, antistable = parts.rest, parts.kept
+        stable, antistable = parts.rest, parts.retained
         if len(stable.A) != r or len(antistable.A) != n - r - k:
             raise ValueError(
                 f"order {r + kept}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
@@ -313,7 +313,7 @@ class StrongestModes(Reducer):
         chosen = self.ranking[: order // 2]
         smaller = self._projected(chosen)
         parts = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
-        stable, kept = parts.rest, parts.kept
+        stable, kept = parts.rest, parts.retained
         if not _same(self.parts.kept, kept):
             raise ReductionError(
                 f"{len(self.parts.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "

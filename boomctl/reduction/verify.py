@@ -77,19 +77,19 @@ class SystemParts:
         given = parts.rest
         image = continuous_image(given).balanced() if given.dt else given
         if not (len(given.A) and given.D.size):
-            return cls(given, image, None, parts.kept, largest_of(given.D), np.zeros(0), 0.0)
+            return cls(given, image, None, parts.retained, largest_of(given.D), np.zeros(0), 0.0)
         seen = _looked_at(image, band)
         omega = omega_of_image(seen, given.dt)
         response = given.response(omega, quiet=True)
         largest = max(float(singular_values(response)[0].max()), largest_of(given.D))
         mapped = image.response(seen, quiet=True) if given.dt else response
-        rounding = rounding_of(given, omega, parts.doubt) + _apart(response, mapped)
+        rounding = rounding_of(given, omega, parts.error_bound) + _apart(response, mapped)
         modal = diagonalized(image)
         lost = inf if modal is None else _apart(mapped, modal.response(seen))
         if modal is None or not lost <= _LOST * largest:
-            return cls(given, image, None, parts.kept, largest, seen, rounding)
+            return cls(given, image, None, parts.retained, largest, seen, rounding)
         largest = max(largest, float(modal.sizes.max()))  # Modes that cancel are larger than the response.
-        return cls(given, modal.blocks, modal, parts.kept, largest, seen, rounding + lost)
+        return cls(given, modal.blocks, modal, parts.retained, largest, seen, rounding + lost)
 
 
 Verified = tuple[float, NormBounds]

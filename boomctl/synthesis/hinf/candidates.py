@@ -136,7 +136,7 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti:
         If these poles cannot be separated.
     """
     parts = split(K, np.abs(K.poles) > fastest)
-    fast, slow = parts.kept, parts.rest
+    fast, slow = parts.retained, parts.rest
     D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
     if not all(np.isfinite(part).all() for part in (slow.B, slow.C, D)):
         raise ValueError("fast poles cannot be separated")
