@@ -8,8 +8,8 @@ from typing import Any, TypedDict
 from boomctl.checks import exactly, from_on, positive, warn_user, within
 from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced
 
-_LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
-# [rad/s], between which the boom may bend: once in a week and 160 kHz (a choice); beyond, no double carries the model
+_LARGEST = 1e15  # Limit on any parameter, SI units: a thousand times the stiffness of diamond in N/m^2.
+# Range of the lowest bending frequency [rad/s]; beyond, double precision does not suffice.
 _BENDING = (1e-5, 1e6)
 _HINGE_TOLERANCE = 1e-3  # Largest change of mass or inertia at the hinge without a warning, relative to the tube.
 _TUBE = ("density", "length", "outer_width", "inner_width", "outer_height", "inner_height")
@@ -229,7 +229,7 @@ class BoomParameters(Parameters):
 
 
 def boom_parameters(
-    parameters: BoomParameters | None, changes: Mapping[str, Any] | None = None, beside: Sequence[str] = ()
+    parameters: BoomParameters | None, changes: Mapping[str, Any] | None = None, other_names: Sequence[str] = ()
 ) -> BoomParameters:
-    """Return the parameters given, those of Table 2 for None, with changes by name; anything else is refused."""
-    return or_default(BoomParameters, "parameters", parameters, changes, beside)
+    """Return checked parameters, those of Table 2 for None, with changes by name."""
+    return or_default(BoomParameters, "parameters", parameters, changes, other_names)

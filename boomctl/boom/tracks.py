@@ -5,13 +5,13 @@ processes of one-sided density ``G_d(n) = G_d(n0) (n/n0)^-2`` in the wave number
 ``G_d(n0) = 16 * 4^k * 1e-6 m^3`` for class ``k`` (0 is A, 7 is H).  A seed is one ground of 10 km, the sum of its waves
 ``j/10 km``; a track is its beginning, so that neither length nor step of a track change the ground.
 
-What two tracks have in common follows from isotropy (Dodds & Robson 1973; Kamash & Robson 1978): if the ground looks
-alike in all directions, the density along a line fixes the one over the plane, ``S(n, m) ~ (n^2 + m^2)^(-3/2)`` for the
-slope -2, and the cross density of two lines ``b`` apart is its cosine transform over ``m``,
+The coherence of two tracks follows from isotropy (Dodds & Robson 1973; Kamash & Robson 1978): if the statistics of the
+ground are equal in all directions, the density along a line determines that over the plane, ``S(n, m) ~ (n^2 + m^2)^(-3/2)``
+for the exponent -2, and the cross density of two lines at distance ``b`` is its cosine transform over ``m``,
 
     G_lr(n) = G_d(n) z K1(z),   z = 2 pi n b,
 
-with the modified Bessel function ``K1``: one for waves much longer than ``b``, nought for shorter ones.
+with the modified Bessel function ``K1``: one for waves much longer than ``b``, zero for shorter ones.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ if TYPE_CHECKING:
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
-SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
-BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones (a choice)
+SPEEDS = (1e-6, 1e6)  # Range of driving speeds [m/s], within which nothing overflows.
+BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones.
 _MAX_STEPS = 50_000_000  # Of a track or a motion: 400 MB a signal.
 _MOST_WAVES = 5_000_000  # of a ground, 500 to the meter of 10 km: 160 MB of random numbers
-GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
-_BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
+GROUND_LENGTH = 10_000.0  # Period of the ground of a seed [m]: 100 of the longest waves, 55 min at 3 m/s.
+_BLOCK = 2**15  # Least number of track points summed at once, which limits the rounding error of phases.
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Height of the ground under the left and the right wheels; straight between the points.
+    """Height of the ground under the left and the right wheels, with linear interpolation between the points.
 
     Attributes
     ----------
@@ -114,20 +114,20 @@ class Track:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on.  If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.  ``label`` is prefixed to the line labels.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.spray").plot_track(self, ax, **style)
 
     @property
     def distance(self) -> Array:
-        """Where the points are, from the beginning of the track [m]."""
+        """Distances of the points from the beginning of the track [m]."""
         return self.spacing * np.arange(len(self.left))
 
     @property
@@ -318,9 +318,9 @@ def iso_track(
     size = np.zeros(len(n))
     size[inside] = np.sqrt(0.5 * road_psd(road_class, n[inside]) / period)
     drawn = np.random.Generator(np.random.PCG64(whole("seed", seed, least=0))).standard_normal((len(n), 4))
-    shares = size * np.sqrt([1.0 + common, 1.0 - common])
+    amplitudes = size * np.sqrt([1.0 + common, 1.0 - common])
     waves = np.zeros((2, len(n) + 1), dtype=complex)
-    waves[:, 1:] = shares * drawn.view(complex).T
+    waves[:, 1:] = amplitudes * drawn.view(complex).T
     if round_trip:
         mean, half = np.fft.irfft(0.5 * count * waves, count)
     else:
@@ -332,7 +332,7 @@ def _sum_of_waves(waves: Array, turn: float, count: int) -> Array:
     """Return the real parts of ``sum_k waves[:, k] exp(2 pi i turn k m)`` at ``m = 0 ... count - 1``.
 
     ``2 k m = k^2 + m^2 - (m - k)^2`` makes a convolution of the sum for any ``turn`` (Bluestein 1970); long ones are
-    summed block by block, for phases that grow with the square of ``m`` would lose digits.
+    summed block by block, because phases that grow with the square of ``m`` would be inaccurate.
     """
     from scipy.fft import fft, ifft, next_fast_len
 

@@ -121,8 +121,8 @@ class Kinematics:
         mesh, station = self.meshes[beam.name], beam.station(point.x, point.y)
         first, rows = self.index[f"{beam.name}.{mesh.names[0]}"], np.zeros((2, len(self.index)))
         for derivative in (0, 1):
-            places, values = mesh.interpolation(station, derivative)
-            rows[derivative, first + places] = values
+            indices, values = mesh.interpolation(station, derivative)
+            rows[derivative, first + indices] = values
         return Row(rows[0], np.abs(rows[0])), Row(rows[1], np.abs(rows[1]))
 
     def relative(self, a: Point, b: Point | None, direction: "str | float") -> Row:

@@ -166,12 +166,12 @@ def _of_dyads(first: Dyad, second: Dyad | None, typical: float) -> _Coordinate:
     """Return the coordinate of two real poles with one direction of the inputs, or of one and a second that no output has."""
     number, rate, force, row = first
     if second is None:
-        name, other, beside = f"real_pole_{number}", _COMPANION * rate or typical, np.zeros_like(row)
+        name, other, offset = f"real_pole_{number}", _COMPANION * rate or typical, np.zeros_like(row)
     else:
         name, other = f"real_pole_{number}_{second[0]}", second[1]
-        beside = second[3] * (force @ second[2])
+        offset = second[3] * (force @ second[2])
     K, C = stiffness_and_damping(rate, other)
-    return _Coordinate(name, K, C, force, np.array([row * other + beside * rate, row + beside]))
+    return _Coordinate(name, K, C, force, np.array([row * other + offset * rate, row + offset]))
 
 
 def _dyads(residue: Array) -> list[tuple[Array, Array]]:
@@ -192,9 +192,9 @@ def _parallel(first: Dyad, second: Dyad) -> bool:
 
 def _numbered(coordinates: list[_Coordinate]) -> list[_Coordinate]:
     """Return the coordinates with different names."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     result = []
     for item in coordinates:
-        seen[item.name] = seen.get(item.name, 0) + 1
-        result.append(item if seen[item.name] == 1 else replace(item, name=f"{item.name}.{seen[item.name]}"))
+        counts[item.name] = counts.get(item.name, 0) + 1
+        result.append(item if counts[item.name] == 1 else replace(item, name=f"{item.name}.{counts[item.name]}"))
     return result

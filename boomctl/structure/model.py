@@ -29,7 +29,7 @@ from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, check_size, half, halves
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
-from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
+from boomctl.structure.response.modal_form import COORDINATES, MODES, modal_form, user_state_space
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import damped_poles
 from boomctl.threads import one_blas_thread
@@ -61,12 +61,12 @@ class SecondOrderModel:
     ports : Ports
         The inputs and outputs.
     selection : record or None
-        Which mesh was chosen where an accuracy was asked for, and why.
+        Selection of the mesh if an accuracy was requested, with the tested meshes.
 
     Raises
     ------
     TypeError, ValueError
-        Not square, of different sizes, not finite, or a row or column of the wrong length.
+        If the matrices are not square, not finite or of different sizes, or if a row or column has the wrong length.
 
     Examples
     --------
@@ -141,7 +141,7 @@ class SecondOrderModel:
         return model
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle what it is made of; what was computed when asked for can be computed again."""
+        """Pickle the fields without cached results."""
         return {"structure": self.structure, "ports": self.ports, "selection": self.selection}
 
     @property
@@ -187,7 +187,7 @@ class SecondOrderModel:
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SecondOrderModel:
-        """Return the model with only the inputs and outputs named, in that order.
+        """Return the model with only the named inputs and outputs, in that order.
 
         Parameters
         ----------
@@ -197,12 +197,12 @@ class SecondOrderModel:
         Returns
         -------
         SecondOrderModel
-            The same structure; nothing is computed anew.
+            The same structure, which shares cached results.
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names, or one asked for twice.
+            If a name is unknown or requested twice.
         """
         for what, wanted, available in (("input", inputs, self.ports.inputs), ("output", outputs, self.ports.outputs)):
             if wanted is not None:
@@ -216,22 +216,22 @@ class SecondOrderModel:
     def between(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SecondOrderModel:
-        """Return the model between signals as :meth:`select` does; unnamed ones of a boom are platform actuators and tips.
+        """Return the model between signals, as :meth:`select`; by default platform actuators and tips of a boom.
 
         Parameters
         ----------
         inputs, outputs : str or sequence of str, optional
-            Names; by default those that the model is looked at between.
+            Names; by default the primary signals of the model.
 
         Returns
         -------
         SecondOrderModel
-            The same structure; nothing is computed anew.
+            The same structure, which shares cached results.
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names, or one asked for twice.
+            If a name is unknown or requested twice.
         """
         if inputs is None and outputs is None:
             return self._primary
@@ -240,7 +240,7 @@ class SecondOrderModel:
 
     @cached_property
     def _halves(self) -> tuple[SecondOrderModel, ...] | None:
-        """Its symmetric and antisymmetric half, as far as they have inputs and outputs; None of one that does not split."""
+        """Symmetric and antisymmetric subsystems that have inputs and outputs; None if the model does not decouple."""
         result = halves(self.structure, self.ports)
         return None if result is None else tuple(SecondOrderModel.of(*part[:2]) for part in result)
 
@@ -263,11 +263,11 @@ class SecondOrderModel:
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         """Return the pairs that consoles complete in brackets."""
-        return [(output, given) for output in self.output_labels for given in self.input_labels]
+        return [(output, name) for output in self.output_labels for name in self.input_labels]
 
     @property
     def _name(self) -> str:
-        """What it is called beside other systems: two halves must not have the same name."""
+        """Name in comparisons; the two subsystems have different names."""
         return {"sym": "jolt", "anti": "yaw"}.get(
             "".join(self.structure.coordinates[:1]).rpartition("_")[2], "structure"
         )
@@ -337,28 +337,28 @@ class SecondOrderModel:
 
     @one_blas_thread
     def mode_shapes(self, count: int = 5) -> ModeShapes:
-        """Return the lowest undamped modes and what they look like.
+        """Return the lowest undamped modes and their shapes.
 
         Parameters
         ----------
         count : int
-            How many modes, from the lowest; rigid motions come first, and have no number.
+            Number of modes, from the lowest; rigid-body motions come first, and are not numbered.
 
         Returns
         -------
         ModeShapes
-            Frequencies, mass-normalized shapes, jolt and yaw of a symmetric machine told; ``.plot()`` draws beams as
-            their elements bend, other bodies as lines through what is attached to them.
+            Frequencies and mass-normalized shapes, with jolt and yaw distinguished for a symmetric machine.  ``.plot()``
+            draws deflected beams, and other bodies as lines through their attachments.
 
         Raises
         ------
         TypeError, ValueError
-            ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
+            If ``count`` is not a whole number up to that of the coordinates, or if the matrices have no real modes.
 
         Warns
         -----
         BoomctlWarning
-            As :meth:`eigenfrequencies_hz`, of units that are not SI.
+            If the units seem not to be SI; see :meth:`eigenfrequencies_hz`.
         """
         result = mode_shapes(self.structure, count)
         warn_of_units(result.eigenfrequencies_hz)
@@ -407,9 +407,9 @@ class SecondOrderModel:
     ) -> control.StateSpace:
         """Return a state-space system with named inputs, outputs and states.
 
-        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, of a displacement
-        input ``d``; without one, place and speed.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with the
-        signs mended.
+        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, for a displacement
+        input ``d``; without one, position and velocity.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with
+        corrected signs.
 
         Parameters
         ----------
@@ -440,8 +440,8 @@ class SecondOrderModel:
         Warns
         -----
         AccuracyWarning
-            Below the slowest frequency, rounding of the matrices is more of a response than 1e-6, as beside dampers far
-            beyond critical, or 1e-4 over coordinates.  `frequency_response` needs no such matrices.
+            If the rounding error of a response below the lowest frequency exceeds 1e-6, as with dampers far beyond critical,
+            or 1e-4 over coordinates.  `frequency_response` does not use these matrices.
 
         Examples
         --------
@@ -454,7 +454,7 @@ class SecondOrderModel:
         """
         if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        result = handed_out(self.structure, self.select(inputs, outputs).ports, states)
+        result = user_state_space(self.structure, self.select(inputs, outputs).ports, states)
         if dt is not None:
             Phi, G = zero_order_hold(result.A, result.B, positive("dt", dt))
             result = replace(result, A=Phi, B=G, dt=float(dt))
@@ -462,7 +462,7 @@ class SecondOrderModel:
 
     def __lti__(self) -> Lti:
         """Return the state-space form as what is computed with a model takes it, without python-control."""
-        return handed_out(self.structure, self.ports, None)
+        return user_state_space(self.structure, self.ports, None)
 
 
 @one_blas_thread
@@ -523,9 +523,9 @@ def _square(name: str, value: ArrayLike) -> Array:
 
 
 def _lines(what: str, rows: Mapping[str, ArrayLike] | None, n: int) -> Array:
-    given = {} if rows is None else mapping(f"{what}s", rows, "names to arrays")
-    stacked = np.zeros((len(given), n))
-    for i, (name, row) in enumerate(given.items()):
+    entries = {} if rows is None else mapping(f"{what}s", rows, "names to arrays")
+    stacked = np.zeros((len(entries), n))
+    for i, (name, row) in enumerate(entries.items()):
         signal_name(f"name of a {what}", name)
         line = finite_array(f"{what} {name!r}", row).ravel()
         if line.shape != (n,):

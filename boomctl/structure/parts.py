@@ -1,6 +1,6 @@
-"""The parts that a machine is described with: bodies, joints, springs and dampers, forces, outputs.
+"""Parts of a machine: bodies, joints, springs and dampers, forces, outputs.
 
-A description is plain frozen data that can be read beside a drawing; :class:`boomctl.structure.Assembly` turns it
+A description is plain frozen data that corresponds to a drawing; :class:`boomctl.structure.Assembly` turns it
 into equations of motion.  Positions are those at rest, in the inertial frame: ``x`` along the page, ``y`` across it,
 ``theta`` about the normal.
 """
@@ -30,20 +30,19 @@ from boomctl.structure.beams.mesh import BeamMesh
 
 @dataclass(frozen=True)
 class Joint:
-    """What a body may do relative to its parent; `fixed`, `revolute`, `prismatic` and `free` make the usual joints.
+    """Joint of a body with its parent; usual joints are `fixed`, `revolute`, `prismatic` and `planar`.
 
     Parameters
     ----------
     translations : tuple of (str, float)
-        Directions along which the body may slide: a name for the coordinate, and the direction's angle from the x axis
-        [rad].
+        Directions of translation: a name for the coordinate, and the angle of the direction from the x axis [rad].
     rotation : bool
-        Whether the body may turn about the joint.
+        If True, the body may rotate about the joint.
 
     Raises
     ------
     TypeError, ValueError
-        Not pairs of a name and a finite angle, or ``rotation`` is neither True nor False.
+        If ``translations`` are not pairs of a name and a finite angle, or if ``rotation`` is not True or False.
 
     Examples
     --------
@@ -131,22 +130,22 @@ def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
 
 
 def planar(*freedoms: str) -> Joint:
-    """Return a joint with the freedoms named.
+    """Return a joint with the named degrees of freedom.
 
     Parameters
     ----------
     freedoms : "x", "y" or "theta"
-        In which directions the body may move, and whether it may turn; any number of these words.
+        Degrees of freedom: translations along x and y, and rotation; any number of these words.
 
     Returns
     -------
     Joint
-        The body gets one coordinate for each freedom: ``NAME.x`` and ``NAME.y`` [m], ``NAME.theta`` [rad].
+        The body has one coordinate per degree of freedom: ``NAME.x`` and ``NAME.y`` [m], ``NAME.theta`` [rad].
 
     Raises
     ------
     ValueError
-        Another word.
+        If a word is unknown.
 
     Examples
     --------
@@ -155,8 +154,8 @@ def planar(*freedoms: str) -> Joint:
     >>> [name for name, angle in joint.translations], joint.rotation
     (['y'], True)
     """
-    for freedom in freedoms:
-        known("dof", freedom, ("x", "y", "theta"))
+    for dof in freedoms:
+        known("dof", dof, ("x", "y", "theta"))
     translations = tuple((name, angle) for name, angle in (("x", 0.0), ("y", pi / 2)) if name in freedoms)
     return Joint(translations=translations, rotation="theta" in freedoms)
 
@@ -290,7 +289,7 @@ class RigidBody:
         nonnegative(f"mass of {self.name!r}", self.mass)
         nonnegative(f"inertia of {self.name!r}", self.inertia)
         if self.center_of_mass is not None:
-            _place(f"center of {self.name!r}", self.center_of_mass)
+            _position(f"center of {self.name!r}", self.center_of_mass)
 
     __repr__ = compact
 
@@ -327,11 +326,11 @@ class RigidBody:
 
 @dataclass(frozen=True)
 class CrossSection:
-    """What bending knows of a beam's cross section; `BeamSegment.from_cross_section` makes a stretch of a beam of it.
+    """Cross section of a beam; see `BeamSegment.from_cross_section`.
 
-    Functions return those of tubes, bars, rods and I sections, bent in the plane of the machine: the depth is measured in
-    that plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits;
-    corners are sharp.
+    Functions return the sections of tubes, bars, rods and I beams, for bending in the plane of the machine: the depth is
+    measured in that plane, the width across it.  They are sums of positive terms, which are accurate for thin walls; corners
+    are sharp.
 
     Attributes
     ----------
@@ -343,12 +342,12 @@ class CrossSection:
     Raises
     ------
     TypeError, ValueError
-        Numbers that are not above zero.
+        If a value is not above zero.
 
     Notes
     -----
     Beams are those of Euler and Bernoulli, in small motions in a plane: no shear deformation, no rotary inertia of the
-    section, no torsion, and no gravity.  That holds while the half-waves of a mode are long beside the depth.
+    section, no torsion, and no gravity.  The theory holds if the half-waves of a mode are long relative to the depth.
 
     Examples
     --------
@@ -386,7 +385,7 @@ def rectangular_section(width: float, depth: float, wall: float | tuple[float, f
     Raises
     ------
     TypeError, ValueError
-        Numbers that are not above zero; walls that leave no room between them.
+        If a value is not above zero, or if walls overlap.
 
     Examples
     --------
@@ -425,7 +424,7 @@ def circular_section(diameter: float, wall: float | None = None) -> CrossSection
     Raises
     ------
     TypeError, ValueError
-        Numbers that are not above zero; a wall that leaves no room within.
+        If a value is not above zero, or if the wall fills the section.
 
     Examples
     --------
@@ -477,7 +476,7 @@ def i_section(width: float, depth: float, web: float, flange: float) -> CrossSec
 
 
 def _wall(name: str, wall: float, size: float, of: str) -> float:
-    """Return the thickness of one of two walls that leave room between them."""
+    """Return the checked thickness of one of two walls, which must not overlap."""
     if 2.0 * positive(name, wall) >= size:
         raise ValueError(f"{name} = {exactly(wall)}: expected less than half the {of}, {up_to(0.5 * size)} m")
     return wall
@@ -558,9 +557,9 @@ class BeamSegment:
         >>> round(bc.structure.BeamSegment.from_cross_section(3.0, tube, **steel).mass_per_length, 4)
         3.4854
         """
-        given = instance("section", section, CrossSection)
-        stiffness = positive("youngs_modulus", youngs_modulus) * given.second_moment
-        return cls(length, positive("density", density) * given.area, stiffness, damping)
+        cross_section = instance("section", section, CrossSection)
+        stiffness = positive("youngs_modulus", youngs_modulus) * cross_section.second_moment
+        return cls(length, positive("density", density) * cross_section.area, stiffness, damping)
 
 
 class Discretization(Protocol):
@@ -664,7 +663,7 @@ class Beam:
             discretization=discretization,
             angle=_radians(f"angle {of}", angle),
             length=float(sum(segment.length for segment in segments)),
-            _origin=(start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
+            _origin=(start.x, start.y) if isinstance(start, Point) else _position(f"start {of}", start),
         )
         self.station(parent.x, parent.y)
 
@@ -694,7 +693,7 @@ class Beam:
         slack = 1e-9 * self.length
         if not (-slack <= along <= self.length + slack and abs(across) <= slack):
             raise ValueError(
-                f"point ({x:g}, {y:g}) is not on beam {self.name!r}: it lies {along:g} m along and {across:g} m beside"
+                f"point ({x:g}, {y:g}) is not on beam {self.name!r}: it is {along:g} m along and {across:g} m off"
                 f" an axis of {self.length:g} m"
             )
         return min(max(along, 0.0), self.length)
@@ -772,7 +771,7 @@ class Beam:
         return Point(self, x, y)
 
 
-def _place(name: str, value: object) -> tuple[float, float]:
+def _position(name: str, value: object) -> tuple[float, float]:
     """Return a pair of finite numbers."""
     pair = sequence(name, value, "two numbers")
     if len(pair) != 2:
@@ -865,13 +864,13 @@ class Force:
     direction : "x", "y", "theta" or float
         Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
     reaction_point : Point, optional
-        A point of another body that feels the opposite force, as with an actuator between two bodies.  Without one, the
-        force acts from outside.
+        Point of another body at which the opposite force acts, as for an actuator between two bodies.  If None, the force
+        is external.
 
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; not points of two bodies; an unknown direction.
+        If `name` is not a name, if the points do not belong to two bodies, or if the direction is unknown.
 
     Examples
     --------
@@ -993,4 +992,4 @@ class CutJoint:
             _check_pair(self.a, self.b, "cut joint", direction)
         gap = hypot(self.a.x - self.b.x, self.a.y - self.b.y)
         if not isclose(gap, 0.0, abs_tol=1e-9 * (1.0 + hypot(self.a.x, self.a.y))):
-            raise ValueError(f"cut joint: its points rest {gap:g} m apart; expected one place")
+            raise ValueError(f"cut joint: its points must coincide at rest, got a distance of {gap:g} m")

@@ -18,12 +18,12 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-_SERIES_LIMIT = 2.0  # |z| up to which the series is taken; exponentials cancel below, some |z|^-3 eps (a choice)
+_SERIES_LIMIT = 2.0  # |z| up to which the series is used; below, exponentials cancel with an error of |z|^-3 eps.
 _TERMS = 8  # of each series; what follows is below 1e-22 at |z| = 2: 4^8 2^32/33!
 
 
 # offset, ratio and factor of ``factor * sum ratio^k x^k/(4k + offset)!``: the six end functions are fractions of such series,
-# of which the seventh is the common denominator (derived: cosh, sinh, cos, sin in x)
+# of which the seventh is the common denominator
 _FRACTIONS = ((1, -4, 2), (2, -4, 2), (3, -4, 4), (1, 1, -2), (2, 1, 2), (3, 1, 2), (4, -4, 4))
 
 
