@@ -1,4 +1,4 @@
-"""The spray boom with an exact beam: frequency response and eigenfrequencies without discretisation."""
+"""The spray boom with an exact beam: frequency response and eigenfrequencies without discretization."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ def exact_boom(
     ----------
     parameters : BoomParameters
     excitation : "displacement" or "force"
-        What the platform actuators impose.
+        Quantity imposed by the platform actuators.
     nozzles : tuple of float
-        Places along the boom whose motions are outputs too [m].
+        Positions along the boom whose motions are additional outputs [m].
     """
     model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).to_exact()
     model = model.mirrored(boom_mirror(model.coordinates, nozzles))

@@ -1,4 +1,4 @@
-"""The spray boom, by name of its discretisation or by the accuracy wanted of it."""
+"""The spray boom, with a specified discretization or a required accuracy."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def spray_boom(
     order : int
         Polynomial order of the elements of ``"high-order"``; by default 12.
     reaction_forces : bool
-        Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: what the actuators exert.
+        Adds outputs ``actuator_left_force``, ``actuator_right_force`` [N]: the forces of the actuators.
     nozzles : sequence of float, optional
         Positions ``x`` [m] along the boom, ascending; adds outputs ``nozzle_01``, ``nozzle_02``, ... [m], absolute as
         those of the tips.
@@ -69,8 +69,8 @@ def spray_boom(
     Returns
     -------
     SecondOrderModel
-        Inputs ``actuator_left``, ``actuator_right`` (motion [m] of the platform at ``x = -+L_t/2``, or what
-        ``excitation`` says), ``suspension_left``, ``suspension_right``, ``cradle`` (forces [N]).  Outputs ``tip_left``,
+        Inputs ``actuator_left``, ``actuator_right`` (motion [m] of the platform at ``x = -+L_t/2``, or the
+        quantity ``excitation``), ``suspension_left``, ``suspension_right``, ``cradle`` (forces [N]).  Outputs ``tip_left``,
         ``tip_right`` (motion of the tips), ``stroke_left``, ``stroke_right`` (of the boom on the platform, at the
         springs) and ``cradle_slip`` (of the cradle on the platform), all [m].
 

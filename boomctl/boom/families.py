@@ -114,9 +114,9 @@ def yaw_family(
     excitation: str = "displacement",
     accelerometer_bandwidth_hz: float | None = None,
 ) -> AffineFamily:
-    """Return the boom over a range of spring stiffness, chosen by the yaw frequency that it leads to.
+    """Return the boom over a range of spring stiffness, which is specified by the first yaw frequency.
 
-    The range runs from the stiffness given to the one that brings the first yaw frequency to ``max_yaw_frequency_hz``.  By
+    The range is from the nominal stiffness to the one whose first yaw frequency is ``max_yaw_frequency_hz``.  By
     default that is 0.34 Hz, as measured by Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
 
     Parameters

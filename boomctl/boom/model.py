@@ -104,7 +104,7 @@ def boom_model(
     reactions: bool = False,
     nozzles: tuple[float, ...] = (),
 ) -> SecondOrderModel:
-    """Return the boom with a beam of the given mesh, its actuators imposing what ``excitation`` says."""
+    """Return the boom with a beam of the given mesh, whose actuators impose the quantity ``excitation``."""
     model = boom_assembly(p, mesh, accelerometer_bandwidth_hz, nozzles).assemble()
     structure = model.structure.mirrored(boom_mirror(model.coordinates, nozzles))
     model = SecondOrderModel.of(structure, replace(model.ports, primary=(ACTUATORS, TIPS)))
@@ -116,7 +116,7 @@ def boom_model(
 def boom_discretization(
     p: BoomParameters, discretization: str = "finite", elements: int | Sequence[float] | Array = 6, order: int = 12
 ) -> Discretization:
-    """Return the discretisation of the boom of the given name; node positions count from the hinge."""
+    """Return the named discretization of the boom; node positions are relative to the hinge."""
     known("discretization", discretization, DISCRETIZATIONS)
     stations: int | tuple[float, ...]
     if isinstance(elements, (int, np.integer)):

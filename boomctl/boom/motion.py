@@ -262,15 +262,15 @@ def sine_sweep(
     Parameters
     ----------
     start_hz, stop_hz : float
-        Frequency at the beginning and at the end [Hz]; it may rise, fall or stay.
+        Frequency at the beginning and at the end [Hz], in any order.
     duration : float
-        How long the sweep lasts [s].
+        Duration of the sweep [s].
     amplitude : float
         Amplitude of the actuators that move [m].
     motion : "jolt", "yaw", "left" or "right"
-        Both actuators alike, both against each other (right ahead first), or one alone.
+        Both actuators in phase, both in antiphase (right ahead first), or a single actuator.
     logarithmic : bool
-        True: each octave takes the same time.  False: each hertz does.
+        If True, each octave has the same duration.  If False, each hertz.
     sample_time : float
         Time between samples [s].
     actuator_distance : float
@@ -396,7 +396,7 @@ def write_motion(path: str | Path, motion: PlatformMotion) -> None:
     Returns
     -------
     None
-        Nothing; the file holds ``time_s, left_m, right_m`` in columns.
+        The file has the columns ``time_s, left_m, right_m``.
 
     Raises
     ------

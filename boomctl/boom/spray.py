@@ -1,9 +1,9 @@
-"""Spray on the field: what moving nozzles leave on the ground, and how uneven it is.
+"""Spray deposit of moving nozzles on the field, and its uniformity.
 
-Each nozzle drives at ``V`` and moves ``y(t)`` ahead of that.  Its spray falls on a footprint of the ground: along the boom a
-triangle (or a box), along the driving direction a box; both are stated in :class:`Footprint`.  The deposit is integrated
-in closed form for paths that run straight between samples, and averaged over the cells of a grid on the ground, so that
-nothing is lost or made.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
+Each nozzle is driven at ``V`` with the displacement ``y(t)`` relative to that.  Its spray falls on a footprint of the
+ground: along the boom a triangle (or a box), along the driving direction a box; both are defined in :class:`Footprint`.  The
+deposit is integrated in closed form for paths that are straight between samples, and averaged over the cells of a grid on the ground, so the
+total is preserved.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
 
 Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; small motion varies it by ``sigma(y')/V``.
 """
@@ -71,12 +71,12 @@ class Footprint:
         known("shape", self.shape, _SHAPES)
 
     def cumulative(self, offset: Array) -> Array:
-        """Return the share of a nozzle's spray that falls left of ``x_nozzle + offset``.
+        """Return the fraction of a nozzle's spray that falls left of ``x_nozzle + offset``.
 
         Parameters
         ----------
         offset : float or ndarray
-            Place along the boom, from the nozzle [m].
+            Position along the boom, relative to the nozzle [m].
 
         Returns
         -------
@@ -98,15 +98,15 @@ class SprayResult:
     x_edges, y_edges : ndarray
         Edges of the cells [m].
     x_slice, y_slice : slice
-        Cells that figures speak of: between the outermost nozzles, as far inside as a wide footprint needs for all
-        neighbors to spray, and away from the ends of the run, on ground that no nozzle met outside the record (if it
-        moved there no further than within it).
+        Evaluated cells: between the outermost nozzles, as far inside as a wide footprint needs for all
+        neighbors to spray, and away from the ends of the run, on ground that no nozzle passed outside the record
+        (if its displacement there was within that of the record).
     rms_tip_speed : float
-        RMS of ``y'`` at the outermost points given, the larger one of both [m/s].
+        RMS of ``y'`` at the outermost points, the larger of the two [m/s].
     speed : float
         Driving speed [m/s].
     footprint : Footprint
-        Where each nozzle's spray fell.
+        Footprint of each nozzle.
     """
 
     deposit: Array
@@ -191,13 +191,13 @@ class SprayResult:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on.  If None, a new figure is created.
         label : str, default: "deposit"
             The title.
         length : float, optional
-            Length of field to show [m], from the first cell that counts.  If None, all cells that count.
+            Length of field to show [m], from the first evaluated cell.  If None, all evaluated cells.
         **style
-            Of the map, as matplotlib's ``pcolormesh`` takes it.
+            Properties of the map, passed to `matplotlib.axes.Axes.pcolormesh`.
 
         Returns
         -------
@@ -231,13 +231,13 @@ def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 
     Returns
     -------
     (n,) ndarray
-        Places from left to right, 0 in the middle [m]; as many as the length holds.  Where ``spacing`` divides it
-        evenly, the outermost nozzles are half a spacing from the tips.
+        Positions from left to right, 0 at the center [m]; the number is the largest that fits the length.  If ``spacing``
+        divides the length, the outermost nozzles are half a spacing from the tips.
 
     Raises
     ------
     TypeError, ValueError
-        Numbers not above zero; a spacing longer than the boom, or so short that there are too many nozzles.
+        If a value is not above zero, or if the spacing is longer than the boom or gives too many nozzles.
 
     Examples
     --------
@@ -274,8 +274,8 @@ def spray_deposit(
     speed : float
         Driving speed [m/s].
     nozzles : array_like, optional
-        Places of the nozzles, equally spaced, between the first and the last point [m]; the boom is taken as straight
-        between two points.  By default there is a nozzle at each point.
+        Positions of the nozzles, equally spaced, between the first and the last point [m], with linear interpolation
+        between the points.  By default there is a nozzle at each point.
     footprint : Footprint, optional
         By default a triangle of twice the nozzles' spacing along the boom, 0.1 m thick.
     cell_size : float or (float, float)

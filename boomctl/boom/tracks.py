@@ -67,12 +67,12 @@ class Track:
     width : float
         Distance between the two lines [m].
     periodic : bool
-        True: the track goes round, its first point follows its last.  False: the ground is level before and behind it.
+        If True, the first point of the track follows its last.  If False, the ground is level before and after it.
 
     Raises
     ------
     TypeError, ValueError
-        A spacing or width not above zero; heights that are not finite, fewer than two, or not equally many on both sides.
+        If `spacing` or `width` is not above zero, or if heights are not finite, fewer than two or of different number.
 
     Examples
     --------
@@ -136,12 +136,12 @@ class Track:
         return self.spacing * (len(self.left) if self.periodic else len(self.left) - 1)
 
     def heights(self, distance: ArrayLike) -> Array:
-        """Return the heights (2 x n: left, right) at places along the track [m].
+        """Return the heights (2 x n: left, right) at positions along the track [m].
 
         Parameters
         ----------
         distance : (n,) array_like
-            Places, from the beginning of the track [m].
+            Distances from the beginning of the track [m].
 
         Returns
         -------
@@ -151,7 +151,7 @@ class Track:
         Raises
         ------
         TypeError, ValueError
-            Not a row of finite numbers.
+            If `distance` is not a vector of finite numbers.
         """
         at, period = finite_array("distance", distance, ndim=1), self.length if self.periodic else None
         return np.array([np.interp(at, self.distance, side, period=period) for side in (self.left, self.right)])
@@ -195,7 +195,7 @@ def road_psd(road_class: str | int, wave_number: ArrayLike) -> Array:
 
 
 def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isotropic") -> Array:
-    """Return what the heights under the left and the right wheels have in common: cross density over density.
+    """Return the coherence of the heights under the left and the right wheels: cross density over density.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isot
     width : float
         Distance between the two tracks [m].
     coherence : "isotropic", "full" or "none"
-        ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (the wheels meet the same ground), ``"none"`` 0.
+        ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (both wheels on the same ground), ``"none"`` 0.
 
     Returns
     -------
@@ -214,7 +214,7 @@ def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isot
     Raises
     ------
     TypeError, ValueError
-        Another word for ``coherence``; numbers that are not finite.
+        If `coherence` is unknown or a value is not finite.
 
     Examples
     --------
@@ -249,17 +249,17 @@ def iso_track(
 ) -> Track:
     """Return a random track of a road class of ISO 8608, the same for the same seed on every machine.
 
-    A seed is a ground of 10 km, and a track its first meters: a longer one begins with the shorter one, and a finer one
-    has its heights where both have a point.  Another band leaves the waves alone that are in both.
+    A seed is a ground of 10 km, and a track its first meters: a longer track begins with a shorter one, and a
+    finer track has the same heights at common points.  Waves that two ranges have in common are equal.
 
     Parameters
     ----------
     road_class : str or int
         A letter from A to H, or its number from 0.
     length : float
-        Length of the track [m], at most 10 km unless it goes round.
+        Length of the track [m], at most 10 km unless periodic.
     seed : int
-        Of NumPy's PCG64.
+        Seed of NumPy's PCG64.
     width : float
         Distance between the wheels' tracks [m].
     spacing : float
@@ -267,10 +267,10 @@ def iso_track(
     wave_number_range : (float, float)
         Wave numbers [1/m] between which the track has content; none outside.
     coherence : "isotropic", "full" or "none"
-        What left and right have in common, see :func:`track_coherence`.
+        Coherence of left and right, see :func:`track_coherence`.
     periodic : bool
-        True: a track that goes round after `length`.  It has waves of whole parts of its length only, so that each length
-        is another ground.
+        If True, the track has the period `length`.  All wave lengths are integer fractions of `length`, so different
+        lengths have different ground.
 
     Returns
     -------
@@ -382,21 +382,21 @@ def bump_track(
     bump_length : float
         Length of the bump along the track, from foot to foot [m].
     side : "left", "right" or "both"
-        Under which wheels it lies.
+        Wheels under which the bump is.
     position : float
-        Where it begins [m].
+        Start of the bump [m].
     length, width, spacing : float
         Length of the track, distance between the wheels, distance between points [m].
 
     Returns
     -------
     Track
-        Not periodic: the ground is level before and behind it.
+        Not periodic; the ground is level before and after the track.
 
     Raises
     ------
     TypeError, ValueError
-        The bump does not lie within the track, or is shorter than ten steps.
+        If the bump is not within the track, or is shorter than ten times the spacing.
 
     Examples
     --------

@@ -1,8 +1,8 @@
-"""Assembly: a machine's description, and its equations of motion.
+"""Assembly: description of a machine, and its equations of motion.
 
-Where the parts are decides how a machine can move: its :class:`Mechanism`, the coordinates that the joints leave and the
-rows over them.  What the parts weigh and how stiff they are are the weights of these rows.  Machines that differ in
-weights alone share one mechanism, found once.
+The geometry of the parts determines the kinematics of a machine: its :class:`Mechanism`, the free coordinates and the rows
+over them.  Masses and stiffnesses are the weights of these rows.  Machines that differ only in weights share one mechanism,
+which is computed once.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Assembly:
     Raises
     ------
     TypeError, ValueError
-        Something of another kind; two bodies, forces or outputs of one name; a body before its parent.
+        If a part has another type, if two bodies, forces or outputs have the same name, or if a body is before its parent.
 
     Examples
     --------

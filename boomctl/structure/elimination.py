@@ -32,9 +32,9 @@ def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> E
     J : (n, n_d) ndarray
         Its columns are the rows prescribed.
     names : sequence of str
-        What each column is called, for messages.
+        Name of each column, for messages.
     weights : (n,) ndarray, optional
-        Preference: a coordinate of larger weight is rather made dependent.
+        Preference: coordinates of larger weight become dependent first.
 
     Raises
     ------

@@ -205,30 +205,30 @@ class Family:
 
 @dataclass(frozen=True, repr=False)
 class AffineFamily(Family):
-    """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
+    """A family of structures whose matrices are affine in uncertain parameters.
 
-    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K``, the columns
-    of the inputs and what the outputs read alike.  `AffineFamily.from_function` makes one.
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``, and equally for ``C``,
+    ``K``, the columns of the inputs and the rows of the outputs.  See `AffineFamily.from_function`.
 
     Attributes
     ----------
     names : tuple of str
         Names of the parameters.
     low, high : (k,) ndarray
-        Lower and upper ends of their ranges, in the parameters' units.
+        Lower and upper limits of their ranges, in the parameters' units.
     nominal : SecondOrderModel
-        The structure in the middle of the box.
+        The structure at the center of the box.
     coefficients : tuple of (tuple of int, Slope)
-        For each parameter its number from zero, as ``(0,)``, and how the matrices change from the middle of its range to
-        the upper end.
+        For each parameter its index from zero, as ``(0,)``, and the change of the matrices from the center of its range to
+        the upper limit.
     ignorable_coordinates : tuple of str
-        As of `PolynomialFamily`.
+        See `PolynomialFamily`.
 
     Raises
     ------
     TypeError, ValueError
-        Not as many ends as names; ends that do not ascend; an unknown parameter; unknown coordinates; a center that is not
-        a SecondOrderModel.
+        If the numbers of limits and names differ, if limits do not ascend, if a parameter or coordinate is unknown, or if
+        the center is not a SecondOrderModel.
 
     Examples
     --------
@@ -291,9 +291,9 @@ class PolynomialFamily(Family):
     names : tuple of str
         Names of the parameters.
     low, high : (k,) ndarray
-        Lower and upper ends of their ranges, in the parameters' units.
+        Lower and upper limits of their ranges, in the parameters' units.
     nominal : SecondOrderModel
-        The structure in the middle of the box.
+        The structure at the center of the box.
     coefficients : tuple of (tuple of int, Slope)
         Products of parameters, each specified by its factors, ``(0, 0, 1)`` for the square of the first times the second,
         and their coefficients.

@@ -27,7 +27,7 @@ class Row:
     terms : (n,) or () ndarray
         Coefficients of the coordinates.
     sizes : (n,) or () ndarray
-        Largest number that each coefficient was summed from: what is far below it is rounding.
+        Largest term of the sum of each coefficient; values far below it are rounding error.
     """
 
     terms: Array = field(default_factory=lambda: np.zeros(()))
@@ -76,14 +76,14 @@ class Kinematics:
     Attributes
     ----------
     index : mapping from coordinate to int
-        Places of all coordinates, those that joints will take away included.
+        Indices of all coordinates, including those that joints eliminate.
     weights : ndarray
-        Preference: a coordinate of larger weight is rather made dependent.
+        Preference: coordinates of larger weight become dependent first.
     meshes : mapping from beam to BeamMesh
     frames : mapping from body to Frame
         Motion of each body's frame at its joint.
     held : list of (str, Row)
-        Motions that joints and cut joints hold at zero, each with its name in messages.
+        Motions that joints and cut joints constrain to zero, each with its name in messages.
     """
 
     index: Mapping[str, int]
@@ -180,7 +180,7 @@ def kinematics(
         weights += [100.0 * depth[body.name]] * len(own)
         if isinstance(body, Beam):
             local = meshes[body.name].names
-            # Slopes count by what they move over an element, so that the choice does not depend on the unit of length.
+            # Slopes are scaled to displacements over an element, so that the choice does not depend on the unit of length.
             element = body.length / (len(meshes[body.name].nodes) - 1)
             weights += [1.0 if name.startswith("w") else 1.0 / element for name in local]
             own, conditions = [*own, *local], conditions + 1 + (not body.joint.rotation)

@@ -120,7 +120,7 @@ class SecondOrderModel:
 
     @classmethod
     def of(cls, structure: Structure, ports: Ports, selection: Any = None) -> SecondOrderModel:
-        """Return the model of a structure, which others may share, with inputs and outputs of its own.
+        """Return the model of a structure, which may be shared, with separate inputs and outputs.
 
         Parameters
         ----------
@@ -251,7 +251,7 @@ class SecondOrderModel:
         Raises
         ------
         ValueError
-            An output that needs a derivative of an input.
+            If an output needs a derivative of an input.
         """
         return modal_form(self.structure, self.ports)
 
@@ -273,13 +273,13 @@ class SecondOrderModel:
         )
 
     def __getattr__(self, name: str) -> Any:
-        """Say where something is that state spaces have."""
+        """Raise AttributeError with a hint for attributes of state-space systems."""
         said = f"{type(self).__name__!r} object has no attribute {name!r}"
         hint = "; its .to_statespace() has those of systems, and boomctl.sigma, bode, step, ... take the model"
         raise AttributeError(said if name.startswith("_") else f"{said}{hint}", name=name, obj=self)
 
     def _combined(self, *others: Any) -> NoReturn:
-        """Say how structures are combined with systems."""
+        """Raise TypeError with a hint for arithmetic with systems."""
         raise TypeError(
             "a structure is not combined by +, -, * and /: its .to_statespace() is, as python-control does it"
         )
@@ -298,7 +298,7 @@ class SecondOrderModel:
         Raises
         ------
         ValueError
-            An output that needs a derivative of an input.
+            If an output needs a derivative of an input.
         """
         return self.__lti__().poles
 
@@ -306,13 +306,13 @@ class SecondOrderModel:
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
 
-        Number ``k`` of them, from 1, is that of mode ``k`` of :meth:`mode_shapes`, where no mode is damped beyond critical:
-        rigid motions count in neither.
+        If no mode is overdamped, number ``k``, from 1, belongs to mode ``k`` of :meth:`mode_shapes`; rigid-body motions are
+        not counted.
 
         Parameters
         ----------
         count : int
-            How many eigenfrequencies.
+            Number of eigenfrequencies.
 
         Returns
         -------
@@ -322,14 +322,14 @@ class SecondOrderModel:
         Raises
         ------
         TypeError, ValueError
-            ``count`` is not a whole number above zero, or the model has fewer of them.
+            If ``count`` is not a whole number above zero, or if the model has fewer eigenfrequencies.
 
         Warns
         -----
         AccuracyWarning
-            Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
+            If the relative rounding error may exceed 1e-8, as with very different elements or very fast modes.
         BoomctlWarning
-            The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
+            If the lowest is below 1e-4 Hz and none is above 0.01 Hz, or if the lowest is above 1e5 Hz: units are not SI.
         """
         result = damped_poles(self.structure, whole("count", count)).imag / (2.0 * np.pi)
         warn_of_units(result)
@@ -417,25 +417,25 @@ class SecondOrderModel:
             Names of the inputs and outputs; by default all.
         states : str, optional
             ``"modes"``: over undamped modes, ``mode1``, ``mode2``, ..., slowest first, each state scaled by a power of
-            two so that the state matrix is balanced.  What computes with the system, python-control too, then keeps its
-            digits on fine meshes.  ``"coordinates"``: over the coordinates, not scaled.  By default modes for models
-            that were assembled, such as the boom; for matrices given, coordinates if they are even, else modes.  A
-            model without real modes is over its coordinates, scaled.
+            two so that the state matrix is balanced, which keeps computations accurate on fine meshes.
+            ``"coordinates"``: over the coordinates, not scaled.  By default modes for assembled models, such as the boom;
+            for matrices passed by the user, coordinates if they are balanced, else modes.  A model without real modes is
+            over its coordinates, scaled.
         dt : float, optional
-            Time between samples [s]: a discrete system, exact at the samples for inputs that are held in between.  By default
-            in continuous time.  A sampled controller sees :func:`boomctl.analysis.sample_plant`, whose controls come late.
+            Time between samples [s]: a discrete system, exact at the samples for held inputs.  If None, in continuous time.
+            For sampled controllers with delay see :func:`boomctl.analysis.sample_plant`.
 
         Returns
         -------
         control.StateSpace
-            ``A, B, C, D`` with two states for each coordinate or mode, and those of filters behind outputs; named "jolt" or
-            "yaw" of a half, else "structure".
+            ``A, B, C, D`` with two states for each coordinate or mode, and those of output filters; named "jolt" or "yaw"
+            for a subsystem, else "structure".
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
-            word for ``states``; a time between samples that is not above zero.
+            If a name or ``states`` is unknown, if the mass matrix is singular, if an output needs an unavailable derivative
+            of an input, or if ``dt`` is not above zero.
 
         Warns
         -----
@@ -461,20 +461,21 @@ class SecondOrderModel:
         return result.statespace(self._name)
 
     def __lti__(self) -> Lti:
-        """Return the state-space form as what is computed with a model takes it, without python-control."""
+        """Return the state-space form for computations with a model, without python-control."""
         return user_state_space(self.structure, self.ports, None)
 
 
 @one_blas_thread
 def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOrderModel]:
-    """Split a mirror-symmetric model into its symmetric (jolt) and antisymmetric (yaw) half.
+    """Split a mirror-symmetric model into its symmetric (jolt) and antisymmetric (yaw) subsystem.
 
     Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
-    the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
+    the transformation is orthonormal, so the singular values of the two subsystems are those of the machine.
 
-    So they are no meters and newtons of the machine, but root of two times the mean, or half the difference: 150 N of each
-    actuator against the other are 212 of ``suspension_anti``.  ``.units`` of a half says so, ``PlatformMotion.sym`` and
-    ``.anti`` give what drives it, and :func:`boomctl.join_symmetric` makes of its controllers one of the machine.
+    The signals are root of two times the mean, or half the difference, of those of the machine: 150 N of each actuator in
+    opposite directions are 212 N of ``suspension_anti``.  ``.units`` of a subsystem documents this,
+    ``PlatformMotion.symmetric`` and ``.antisymmetric`` are its inputs, and :func:`boomctl.join_symmetric` joins its
+    controllers.
 
     Parameters
     ----------
@@ -484,12 +485,12 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     Returns
     -------
     jolt, yaw : SecondOrderModel
-        The two halves: they do not feel each other, and together have all the modes of the whole.
+        The two decoupled subsystems, which together have all modes of the machine.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of model; the mesh or the machine is not symmetric about ``x = 0``.
+        If `model` has another type, or if the mesh or the machine is not symmetric about ``x = 0``.
 
     Examples
     --------

@@ -67,12 +67,12 @@ class Joint:
 
 
 def fixed() -> Joint:
-    """Return a joint that lets the body move in no way: it is welded to its parent.
+    """Return a rigid joint.
 
     Returns
     -------
     Joint
-        The body gets no coordinates of its own.
+        The body has no coordinates.
 
     Examples
     --------
@@ -84,12 +84,12 @@ def fixed() -> Joint:
 
 
 def revolute() -> Joint:
-    """Return a hinge: the body turns about the joint.
+    """Return a hinge: the body rotates about the joint.
 
     Returns
     -------
     Joint
-        The body gets one coordinate, ``NAME.theta`` [rad].
+        The body has one coordinate, ``NAME.theta`` [rad].
 
     Examples
     --------
@@ -101,7 +101,7 @@ def revolute() -> Joint:
 
 
 def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
-    """Return a slide: the body moves along a straight line and does not turn.
+    """Return a slide: the body moves along a straight line and does not rotate.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def planar(*freedoms: str) -> Joint:
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a body, made by ``body.at_point(x, y)`` or, on a beam, by ``beam.at(s)``.
+    """A point of a body; see ``body.at_point(x, y)`` and, on a beam, ``beam.at(s)``.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ class Point:
     Raises
     ------
     TypeError, ValueError
-        Another kind of body; not finite numbers; a point of a beam that is not on its axis.
+        If `body` has another type, if a value is not finite, or if a point of a beam is not on its axis.
 
     Examples
     --------
@@ -202,7 +202,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Ground:
-    """The inertial frame: what does not move. `boomctl.structure.GROUND` is the one there is."""
+    """The inertial frame; its only instance is `boomctl.structure.GROUND`."""
 
     name: ClassVar[str] = "ground"
 
@@ -248,11 +248,11 @@ class RigidBody:
     Parameters
     ----------
     name : str
-        Its coordinates are called ``name.y``, ``name.theta``, ``name.slide``, ...
+        Name of the body; its coordinates are ``name.y``, ``name.theta``, ``name.slide``, ...
     parent : Point
-        Point of another body, or of the ground, at which its joint sits.
+        Point of another body, or of the ground, at which its joint is.
     joint : Joint
-        How the body may move relative to its parent at that point.
+        Joint with the parent at that point.
     mass, inertia : float
         Mass [kg] and moment of inertia about the center of mass [kg m^2]; zero is allowed.
     center_of_mass : (float, float), optional
@@ -262,8 +262,8 @@ class RigidBody:
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; another kind of parent or joint; a negative mass or inertia; a center that is not two
-        numbers.
+        If `name` is not a name, if `parent` or `joint` has another type, if mass or inertia is negative, or if the center
+        of mass is not two numbers.
 
     Examples
     --------
@@ -484,9 +484,9 @@ def _wall(name: str, wall: float, size: float, of: str) -> float:
 
 @dataclass(frozen=True)
 class BeamSegment:
-    """A stretch of a beam with one cross section.
+    """A segment of a beam with one cross section.
 
-    `BeamSegment.from_cross_section` takes the section of a tube, a bar or an I beam and a material instead.
+    `BeamSegment.from_cross_section` accepts the section of a tube, a bar or an I beam and a material instead.
 
     Parameters
     ----------
@@ -547,7 +547,7 @@ class BeamSegment:
         Raises
         ------
         TypeError, ValueError
-            Another kind of section; numbers out of range.
+            If `section` has another type, or if a value is out of range.
 
         Examples
         --------
@@ -563,46 +563,47 @@ class BeamSegment:
 
 
 class Discretization(Protocol):
-    """A way to turn a beam into coordinates."""
+    """Protocol of beam discretizations."""
 
     def mesh(self, beam: "Beam", attachments: Sequence[float]) -> BeamMesh:
-        """Return the mesh of ``beam``; something is attached to it at the stations ``attachments``."""
+        """Return the mesh of ``beam`` with attachments at the stations ``attachments``."""
         ...
 
 
 @dataclass(frozen=True)
 class Beam:
-    """An inextensible Euler-Bernoulli beam, straight at rest, in one or more stretches of uniform section.
+    """An inextensible Euler-Bernoulli beam, straight at rest, in one or more segments of uniform section.
 
     Parameters
     ----------
     name : str
-        Its coordinates are called ``name.w3`` (transverse displacement of node 3) and ``name.phi3`` (slope).
+        Name of the beam; its coordinates are ``name.w3`` (transverse displacement of node 3) and ``name.phi3`` (slope).
     parent : Point
-        Point of another body, or of the ground, at which its joint sits; it must lie on the beam.
+        Point of another body, or of the ground, at which its joint is; it must be on the beam.
     joint : Joint
-        How the beam may move relative to its parent at that point.
+        Joint with the parent at that point.
     start : (float, float) or Point
-        Position of the start of the beam at rest [m].  Of a Point, such as ``other.end``, the position is used.  Read
-        from the beam, ``start`` is the point of the beam at its start.
+        Position of the start of the beam at rest [m].  For a Point, such as ``other.end``, its position is used.  The
+        attribute ``start`` is the point of the beam at its start.
     segments : sequence of BeamSegment
-        The stretches, one after the other from the start.
+        The segments, in order from the start.
     discretization : FiniteElements or DiscreteElements
-        How the beam is turned into coordinates; any object with a method ``mesh`` like theirs will do.
+        Discretization of the beam: one of these, or any object with the same method ``mesh``.
     angle : float
         Direction of the beam's axis at rest, from the x axis [rad]; the transverse direction is 90 degrees further.
 
     Attributes
     ----------
     length : float
-        Sum of the lengths of the sections [m].
+        Sum of the lengths of the segments [m].
     end : Point
         Point of the beam at its end.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of parent, joint, section or discretisation; no section; a parent that does not lie on the beam.
+        If a parent, joint, segment or discretization has another type, if there is no segment, or if the parent is not on
+        the beam.
 
     Examples
     --------
@@ -671,7 +672,7 @@ class Beam:
         return compact(self).replace("_origin=", "start=")
 
     def station(self, x: float, y: float) -> float:
-        """Return how far along the beam the point at ``(x, y)`` lies at rest.
+        """Return the station on the beam of the point at ``(x, y)`` at rest.
 
         Parameters
         ----------
@@ -686,7 +687,7 @@ class Beam:
         Raises
         ------
         ValueError
-            The point is not on the beam's axis.
+            If the point is not on the beam's axis.
         """
         dx, dy = x - self._origin[0], y - self._origin[1]
         along, across = dx * cos(self.angle) + dy * sin(self.angle), dy * cos(self.angle) - dx * sin(self.angle)

@@ -1,10 +1,10 @@
-"""Coordinates in which stiffness is the unit matrix, found from rows without ever forming the stiffness matrix.
+"""Coordinates in which stiffness is the unit matrix, computed from rows without forming the stiffness matrix.
 
 With ``S = diag(sqrt k) R = Q T P^T`` (orthogonal, triangular, permutation) and ``q = P T^-1 z``, ``K`` is the unit matrix,
-and mass and damping are sums over rows of the size that counts.  A stiffness matrix that is formed loses as many digits as
-its stiffest element is stiffer than the structure.  Rows that are sorted by size keep theirs, for Householder's method with
-sorted rows and pivoted columns is stable row by row (Cox & Higham 1998).  What is slow is large in these coordinates, so
-that eigenvalues keep the digits of the slow ones.
+and mass and damping are sums over rows of the relevant magnitude.  Forming the stiffness matrix loses accuracy by the ratio
+of the stiffest element to the structure.  Rows sorted by magnitude remain accurate, because Householder's method with sorted
+rows and pivoted columns is stable row by row (Cox & Higham 1998).  Slow motions are large in these coordinates, so slow
+eigenvalues are accurate.
 """
 
 from dataclasses import dataclass
@@ -105,7 +105,7 @@ class StrainForm:
         return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), own
 
     def poles(self) -> Array:
-        """Return all poles, those of rigid motions that nothing damps exactly zero; the slow ones have all digits.
+        """Return all poles, exactly zero for undamped rigid motions; slow poles are accurate to rounding error.
 
         They are the inverse of the eigenvalues of ``1/s``.
         """
@@ -127,7 +127,7 @@ def _spread(S: Array) -> Array:
 
 
 def parted(lines: Array) -> tuple[Array, int]:
-    """Return an orthogonal combination of motions that lines read, and how many, the last ones, they do not see."""
+    """Return an orthogonal combination of motions, and the number of those, the last ones, that the lines do not read."""
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
     size = np.linalg.norm(lines, axis=1)
@@ -161,7 +161,7 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     rows : (rows, n) ndarray
         The same rows without these factors.
     column : (n,) ndarray
-        Sizes of the coordinates.
+        Magnitudes of the coordinates.
 
     Returns
     -------

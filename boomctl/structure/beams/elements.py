@@ -1,4 +1,4 @@
-"""Beam discretisations as interchangeable parts: finite elements, high-order elements, discrete elements."""
+"""Beam discretizations: finite elements, high-order elements, discrete elements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ _SHORTEST = 5e-13  # Shortest element relative to the beam; modes are inaccurate
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """Hermite finite elements with consistent mass: a way to turn a beam into coordinates.
+    """Discretization of a beam by Hermite finite elements with consistent mass.
 
-    What is attached inside an element acts on its interpolated displacement.
+    Attachments inside an element act on its interpolated displacement.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ class FiniteElements:
         whole("order", self.order, 3, 20)
 
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
-        """Return the mesh of a beam; what is attached to it need not be at nodes.
+        """Return the mesh of a beam; attachments need not be at nodes.
 
         Parameters
         ----------
         beam : Beam
             The beam.
         attachments : sequence of float
-            Stations at which something is attached [m].
+            Stations of the attachments [m].
 
         Returns
         -------
@@ -90,7 +90,7 @@ class DiscreteElements:
     Raises
     ------
     TypeError, ValueError
-        A number of elements that is not whole or out of range; another word for ``mass``.
+        If the number of elements is not whole or out of range, or if ``mass`` is unknown.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class DiscreteElements:
         beam : Beam
             The beam.
         attachments : sequence of float
-            Stations at which something is attached [m].
+            Stations of the attachments [m].
 
         Returns
         -------
@@ -127,7 +127,7 @@ class DiscreteElements:
         Raises
         ------
         ValueError
-            An attachment is not at one of the node stations given, or there are fewer elements than intervals.
+            If an attachment is not at a node, or if there are fewer elements than intervals.
         """
         if isinstance(self.elements, int):
             marks = element_nodes(beam, (0.0, *distinct(attachments, beam.length), beam.length))

@@ -1,10 +1,10 @@
-"""Beams turned into coordinates: cubic Hermite interpolation, enriched with bubbles of higher order.
+"""Discretization of beams: cubic Hermite interpolation, enriched with bubbles of higher order.
 
 Within an element of length ``h``, ``xi`` in [-1, 1], the deflection is the Hermite cubic of the end values
 ``w1, phi1, w2, phi2`` plus ``h a_k B_k(xi)``, where ``B_k'' = P_k`` (Legendre) and ``B_k`` and ``B_k'`` vanish at both
 ends, ``k = 2, 3, ...``.  The curvature is then a Legendre series whose coefficients are the element's strain modes,
-so that its stiffness matrix is diagonal in them and rigid motion strains nothing, to the last digit.
-Mass is such a sum of squares too: of as many rows on each element as its mass matrix has rank.
+so that its stiffness matrix is diagonal in them and rigid motion has exactly zero strain.
+Mass is also such a sum of squares; the number of rows on each element is the rank of its mass matrix.
 """
 
 from dataclasses import dataclass
@@ -86,7 +86,7 @@ class BeamMesh:
 
 
 def element_coordinates(order: int) -> Array:
-    """Return the places, counted from an element's first, of its coordinates ``w1, phi1, w2, phi2, bubbles``."""
+    """Return the indices, relative to an element's first, of its coordinates ``w1, phi1, w2, phi2, bubbles``."""
     per_node = order - 1
     return np.array([0, 1, per_node, per_node + 1, *range(2, per_node)])
 
@@ -151,7 +151,7 @@ def element_mesh(nodes: Array, section: Array, order: int, mass: str = "hermite"
     order : int
         3 for cubic elements, more for bubbles.
     mass : "hermite", "linear" or "lumped"
-        Consistent mass; that of linear interpolation; half of each element concentrated at either node.
+        Consistent mass; mass of linear interpolation; half of each element concentrated at either node.
     """
     h, count, per_node = np.diff(nodes), len(nodes) - 1, order - 1
     index = per_node * np.arange(count)[:, None] + element_coordinates(order)[None, :]

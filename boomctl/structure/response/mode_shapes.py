@@ -51,21 +51,21 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class ModeShapes:
-    """Undamped modes of a structure and what they look like.
+    """Undamped modes of a structure and their shapes.
 
     Attributes
     ----------
     eigenfrequencies_hz : (k,) ndarray
-        Undamped natural frequencies, ascending [Hz]; 0 of rigid motions.
+        Undamped natural frequencies, ascending [Hz]; 0 for rigid-body motions.
     shapes : (n, k) ndarray
-        Over the coordinates, one column a mode, mass-normalized: ``shapes.T @ M @ shapes`` is the unit matrix.
+        Mass-normalized shapes over the coordinates, one column per mode: ``shapes.T @ M @ shapes`` is the unit matrix.
     coordinates : tuple of str
         Names of the coordinates.
     kinds : tuple of str
-        What moves: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
+        Kind: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
         otherwise "".
     bodies : tuple of BodyShape
-        The bodies; none of a model that was given as matrices.
+        The bodies; empty for a model defined by matrices.
 
     Examples
     --------
@@ -107,7 +107,7 @@ class ModeShapes:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The number of each mode, from 1, as ``eigenfrequencies_hz`` counts them; 0 of rigid motions, which come first."""
+        """Number of each mode, from 1, as in ``eigenfrequencies_hz``; 0 for rigid-body motions, which come first."""
         rigid = int((self.eigenfrequencies_hz == 0.0).sum())
         return tuple(max(0, k + 1 - rigid) for k in range(len(self.kinds)))
 

@@ -19,11 +19,11 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalized mode shapes (columns).
 
     All modes of structures with rows, those of small structures, and those whose stiffest element is too stiff for a
-    stiffness matrix in double precision are computed in strain coordinates.  Otherwise the pencil is solved upside down,
-    ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues and keep their digits on fine meshes; a
-    Rayleigh quotient over the strain rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps
-    floating structures definite; where one floats, or nearly does, the pencil is solved once more with the shift at its
-    lowest elastic mode, or the softest modes would take the others' digits.
+    stiffness matrix in double precision are computed in strain coordinates.  Otherwise the inverse pencil
+    ``M v = mu (K + alpha M) v`` is solved, whose largest eigenvalues are the low modes, which are accurate on fine meshes.  A
+    Rayleigh quotient over the strain rows corrects the remaining rounding error.  The shift ``alpha``, just above rounding,
+    makes floating structures definite.  For floating or nearly floating structures the pencil is solved again with the shift
+    at the lowest elastic mode, because the softest modes would reduce the accuracy of the others.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array)
 
 
 def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]:
-    """Return modal stiffnesses, ascending, and mass-normalized shapes, found with a shift."""
+    """Return modal stiffnesses, ascending, and mass-normalized shapes, computed with a shift."""
     M, K = structure.M, structure.K
     chosen = None if count == len(M) else (len(M) - count, len(M) - 1)
     try:
