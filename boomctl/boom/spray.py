@@ -2,8 +2,8 @@
 
 Each nozzle is driven at ``V`` with the displacement ``y(t)`` relative to that.  Its spray falls on a footprint of the
 ground: along the boom a triangle (or a box), along the driving direction a box; both are defined in :class:`Footprint`.  The
-deposit is integrated in closed form for paths that are straight between samples, and averaged over the cells of a grid on the ground, so the
-total is preserved.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
+deposit is integrated in closed form for paths that are straight between samples, and averaged over the cells of a grid on the
+ground, so the total is preserved.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
 
 Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; small motion varies it by ``sigma(y')/V``.
 """

@@ -9,8 +9,8 @@ mounted sprayer and are not fitted to any result.
 - A tire filters waves shorter than its contact patch: the height under it is filtered by ``1/(1 + s tau)^2`` with
   ``tau = contact_length/(2 sqrt(6) V)``, which has the second moment of the mean over the patch.
 - The retarding force on each wheel at its hub is ``N z'/V + f dN``: its static load ``N`` times the slope of the
-  ground, and the rolling resistance ``f`` of its dynamic load ``dN``.  Their sum moves the tractor fore and aft and, through its lever,
-  pitches it; the difference between right and left yaws it.
+  ground, and the rolling resistance ``f`` of its dynamic load ``dN``.  Their sum moves the tractor fore and aft and,
+  through its lever, pitches it; the difference between right and left yaws it.
 - Fore and aft the driven rear wheels are held to uniform rolling through spring and damper (tire, soil and drive line)
   at hub height.
 - Yaw is resisted by the side forces of rolling tires, a damping ``sum C_alpha a^2/V``; slow deviations are corrected by

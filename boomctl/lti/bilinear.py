@@ -19,7 +19,7 @@ from boomctl.lti.system import Lti, balanced_inverse
 def image_of_omega(omega: ArrayLike, dt: float) -> Array:
     """Return the frequencies ``(2/dt) tan(omega dt/2)`` of the image; ``inf`` for ``pi/dt``.
 
-    Without ``dt`` they stay.
+    If ``dt`` is 0, they are unchanged.
     """
     if dt == 0.0:
         return np.asarray(omega, dtype=float)
@@ -29,9 +29,9 @@ def image_of_omega(omega: ArrayLike, dt: float) -> Array:
 
 
 def omega_of_image(v: ArrayLike, dt: float) -> Array:
-    """Return the frequencies ``(2/dt) atan(v dt/2)`` whose images are given; ``pi/dt`` for ``inf``.
+    """Return the frequencies ``(2/dt) atan(v dt/2)`` of the images ``v``; ``pi/dt`` for ``inf``.
 
-    Without ``dt`` they stay.
+    If ``dt`` is 0, they are unchanged.
     """
     if dt == 0.0:
         return np.asarray(v, dtype=float)
@@ -39,12 +39,12 @@ def omega_of_image(v: ArrayLike, dt: float) -> Array:
 
 
 def continuous_image(system: Lti) -> Lti:
-    """Return the continuous system that a discrete one is the Tustin discretisation of; a continuous one stays.
+    """Return the continuous system whose Tustin discretization is the given one; a continuous one is unchanged.
 
     Raises
     ------
     ValueError
-        A pole at ``z = -1``: there is none.
+        If there is a pole at ``z = -1``.
     """
     if system.dt == 0.0:
         return system
@@ -53,14 +53,14 @@ def continuous_image(system: Lti) -> Lti:
 
 
 def discrete_image(system: Lti, dt: float) -> Lti:
-    """Return the Tustin discretisation of a continuous system: the discrete one whose continuous image it is.
+    """Return the Tustin discretization of a continuous system.
 
-    Without ``dt`` it is the system itself.
+    If ``dt`` is 0, the system is unchanged.
 
     Raises
     ------
     ValueError
-        A pole at ``w = 2/dt``: there is none.
+        If there is a pole at ``w = 2/dt``.
     """
     if dt == 0.0:
         return system

@@ -1,4 +1,4 @@
-"""Many frequencies at once: singular values, grids around resonances, the highest peak."""
+"""Vectorized functions of frequency: singular values, grids around resonances, the highest peak."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ _LIGHT = 0.1  # Ratio of decay rate to frequency up to which a mode has a separa
 def singular_values(G: Array) -> Array:
     """Return the singular values of ``G[:, :, f]``, descending, shape (min(p, m), N).
 
-    One row or column: its length.  Two, at many frequencies: in closed form.  Otherwise LAPACK.
+    A single row or column has its norm as singular value.  Two are computed in closed form, at many frequencies.  Otherwise
+    LAPACK is used.
     """
     p, m, _ = G.shape
     fewer = min(p, m)
@@ -74,7 +75,7 @@ def singular_values(G: Array) -> Array:
         first = np.sqrt(0.5 * (a + c) + np.hypot(0.5 * (a - c), np.abs(b)))
         if p == m:
             product = np.abs(x[0] * y[1] - x[1] * y[0])
-        else:  # the length of one times what the other has across it
+        else:  # Length of one times the orthogonal component of the other.
             product = np.sqrt(a * squared(y - np.where(a > 0.0, b / a, 0.0) * x).sum(axis=0))
         return np.array([first, np.where(first > 0.0, product / first, 0.0)])
 
@@ -123,7 +124,7 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
 
     Parameters
     ----------
-    value : function from frequencies to as many numbers, not negative
+    value : function from frequencies to nonnegative values
     grid : (n,) ndarray
         Ascending, so fine that the highest peak is among the highest points.
     """
@@ -143,7 +144,7 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
 
 
 def _tops(values: Array) -> Array:
-    """Return the places of the highest local maxima and their neighbors, (tops, 3); at an end it is its own neighbor."""
+    """Return the indices of the highest local maxima and their neighbors, (tops, 3); an end point is its own neighbor."""
     before, after = np.append(-np.inf, values[:-1]), np.append(values[1:], -np.inf)
     tops = np.flatnonzero(~((before > values) | (after > values)))
     tops = tops[values[tops].argsort()[::-1][:_REFINED]]
@@ -151,9 +152,9 @@ def _tops(values: Array) -> Array:
 
 
 def top_of_resonance(low: Value, middle: Value, high: Value, left: Value, top: Value, right: Value) -> Value:
-    """Return where a resonance is highest by its heights at three frequencies: its inverse square is a parabola there.
+    """Return the frequency of the peak of a resonance from three heights, whose inverse squares are on a parabola.
 
-    Numbers or arrays of them; not between the outer frequencies, or no number at all, where the heights are none of a peak.
+    Arguments are numbers or arrays.  The result is outside the outer frequencies, or not finite, if there is no peak.
     """
     p = (middle - low) * ((top / right) * (top / right) - 1.0)
     q = (middle - high) * ((top / left) * (top / left) - 1.0)
@@ -192,7 +193,7 @@ def with_peaks(respond: Response, grid: Array, allowed: Callable[[Array], Array]
 
 
 def smooth_curve(respond: Callable[[Array], Array], omega: Array) -> tuple[Array, Array]:
-    """Return more frequencies, and a complex curve there without corners, from those at which it is known to turn."""
+    """Return refined frequencies at which a complex curve is smooth, and the curve, from a grid that resolves its turns."""
     values = respond(omega)
     for _ in range(_HALVINGS):
         size = np.minimum(np.abs(values[:-1]), np.abs(values[1:]))

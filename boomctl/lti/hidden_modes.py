@@ -1,8 +1,8 @@
-"""Which modes no input moves, and by duality which no output sees.
+"""Uncontrollable modes and, by duality, unobservable modes.
 
 The eigenvector test of Popov, Belevitch and Hautus (PBH), on left eigenvectors of each cluster of poles in balanced
-coordinates.  Of a multiple pole, such as a rigid body's, rounding makes several with vectors of their own: a direction
-between these is a mode of its own only where it is passed on to no other one.
+coordinates.  Rounding splits a multiple pole, such as that of a rigid body, into several poles with separate eigenvectors: a
+direction between these is a separate mode only if it is not coupled to another one.
 """
 
 from collections.abc import Sequence
@@ -26,14 +26,14 @@ _PASSED = 10.0
 
 @dataclass(frozen=True)
 class HiddenMode:
-    """A mode that a set of columns does not reach.
+    """An uncontrollable (or, by duality, unobservable) mode.
 
     Attributes
     ----------
     pole : complex
-        Its pole [rad/s], of non-negative imaginary part; in discrete time the rate ``log(z)/dt``.
+        Pole [rad/s] with nonnegative imaginary part; in discrete time the rate ``log(z)/dt``.
     state : str
-        The state that takes the largest part in it, in balanced coordinates.
+        State with the largest participation, in balanced coordinates.
     """
 
     pole: complex

@@ -39,7 +39,7 @@ class Inequality:
     Attributes
     ----------
     A, B, C, D : arb_mat
-        ``W A T``, ``W B``, ``C T`` and ``D`` with ``W`` the inverse of ``T`` but for rounding.
+        ``W A T``, ``W B``, ``C T`` and ``D`` with ``W`` the inverse of ``T`` to within rounding.
     unit : arb_mat
         ``W T``.
     read, through : arb_mat
@@ -100,7 +100,7 @@ class Inequality:
         return _positive(P) and _positive(S)
 
     def _storage(self, level: float, peak: float) -> arb_mat | None:
-        """Return a solution of the Riccati equation halfway between peak and level, with more to each mode; None without one.
+        """Return a solution of the Riccati equation midway between peak and level, with regularized modes; None without one.
 
         With ``eps_i`` added to ``C'C`` of a mode scaled to ``|b_i|^2 = s_i peak``, the square of the norm grows by at most
         ``sum_i eps_i |b_i|^2/s_i^2``.
@@ -141,7 +141,7 @@ class Inequality:
         return enclosed_gain(G) if all(x.is_finite() for x in G.entries()) else arb(0)
 
     def is_stable(self) -> bool:
-        """Return whether it is proved that all poles decay: by the Gramian of states that are excited by their decay."""
+        """Return whether stability is proved, by the Gramian of states that are excited by their decay rates."""
         flint.ctx.prec = PRECISION
         try:
             S = _balls(self._gramian(np.diag(np.sqrt(self.widths))))

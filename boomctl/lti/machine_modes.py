@@ -1,4 +1,4 @@
-"""A nonlinear machine in the modes of its linear part, as a loop sees it: what plants offer, and methods take."""
+"""A nonlinear machine in the modes of its linear part: the interface between plants and simulation methods."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class MachineModes:
         ``(z and z') -> displacements`` [m] in which an error is measured: of a hub-beam the radius of the free end times
         the hub angle, and the displacement of the free end.
     units : mapping from signal to str
-        Of inputs, outputs and sensors, as far as they are known.
+        Known units of inputs, outputs and sensors.
     """
 
     input_labels: tuple[str, ...]

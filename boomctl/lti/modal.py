@@ -54,9 +54,9 @@ def side_of_axis(poles: Array, error_bound: Array | float = 0.0) -> Array:
 
 
 def sides(poles: Array, dt: float, error_bound: Array | float = 0.0) -> Array:
-    """Return on which side of the boundary of stability poles lie, as :func:`side_of_axis` says it.
+    """Return the side of the stability boundary of each pole, see :func:`side_of_axis`.
 
-    In discrete time the boundary is the unit circle; what is nearer to it than rounding moves a pole of size one is undamped.
+    In discrete time the boundary is the unit circle; poles at it to within rounding of a pole of magnitude one are undamped.
     """
     if dt == 0.0:
         return side_of_axis(poles, error_bound)
@@ -74,7 +74,7 @@ def transmission_zeros(system: Lti) -> Array:
     n, (p, m) = len(system.A), system.D.shape
     if not n:
         return np.zeros(0, complex)
-    # slycot's own length of the work array is too small for many signals of few states
+    # slycot's default length of the work array is too small for many signals of few states
     result = ab08nd(n, m, p, system.A, system.B, system.C, system.D, ldwork=n + 4 * max(m, p, 1))
     E, F = (matrix[: result[0], : result[0]] for matrix in result[8:10])
     zeros = linalg.eigvals(E, F).astype(complex)
@@ -195,8 +195,8 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
     """Return the image of stable discrete modes under the bilinear map, and a bound on the rounding error of the response.
 
     With ``w = g (z - 1)/(z + 1)``, ``g = 2/dt``, a mode ``r/(z - pole)`` is ``2 g r/(1 + pole)^2 / (w - p)`` at the pole's
-    own image ``p``, less ``r/(1 + pole)``.  An image that is off by a rounding is that of a pole that is off by no more.
-    Without ``dt`` they stay.
+    own image ``p``, less ``r/(1 + pole)``.  The error of an image by one rounding corresponds to no larger error of the pole.
+    If ``dt`` is 0, they are unchanged.
     """
     if dt == 0.0:
         return modes, 0.0
@@ -311,7 +311,7 @@ def block_diagonal(A: Array, condition: float | None = None) -> tuple[Array, Arr
     A : (n, n) ndarray
         Real.
     condition : float, optional
-        Largest condition of the columns; the blocks are the smallest that it allows. By default half of all digits are left.
+        Largest condition of the columns; the blocks are the smallest that it allows. By default half of the accuracy is preserved.
     """
     from boomctl.lti.python_control import control
 

@@ -49,7 +49,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and what a proof of it may take.
+    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and the work limit of a proof.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Exact:
     dt : float
         Sampling time [s]; 0 in continuous time.
     work : Work
-        Operations until it is given up.
+        Limit on the operations of a proof.
     """
 
     A: fmpq_mat
@@ -201,11 +201,11 @@ class Exact:
         return sorted((x for x in real if x > 0), key=float)
 
     def crossings(self, level: float, inside: float = 1.0) -> tuple[list[arb], bool]:
-        """Return where a singular value equals the level, and whether all are below it at one frequency.
+        """Return the frequencies at which a singular value equals the level, and whether all are below it at one frequency.
 
-        The places are ``omega^2`` in ascending order, of the image in discrete time, zero and infinity left out.  Below it
-        they stay if there are none, and they do so at one frequency, ``omega^2 = inside``, where all leading minors are then
-        positive.
+        The crossings are ``omega^2`` in ascending order, of the image in discrete time, without zero and infinity.  All
+        singular values are below the level if there are none, and if they are so at one frequency, ``omega^2 = inside``,
+        where all leading minors are then positive.
         """
         a, N = self.whole  # each minor of G has the denominator a, so that divisions come out even
         hidden = _symmetric(a)
@@ -235,7 +235,7 @@ class Exact:
         )
 
     def gain(self, square: float) -> arb:
-        """Return a gain in one direction at ``omega^2``, which may be infinite, enclosed: the largest but for rounding."""
+        """Return a gain in one direction at ``omega^2``, which may be infinite, enclosed: the largest to within rounding."""
         a, N = self.response
         n = a.degree()
 
@@ -281,7 +281,7 @@ class Exact:
         raise UndecidedError
 
     def check_norm(self) -> None:
-        """Raise `UndecidedError` if a norm takes more operations than are left, before any of them is spent."""
+        """Raise `UndecidedError` if a norm needs more operations than remain, before it is computed."""
         p, m = self.D.nrows(), self.D.ncols()
         self.work.check_entries(self.A.nrows(), p * m + min(p, m) ** 2)
 
@@ -332,7 +332,7 @@ def _flipped(p: fmpq_poly) -> fmpq_poly:
 
 
 def _symmetric(p: fmpq_poly) -> fmpq_poly:
-    """Return the factor of a polynomial whose roots have mirror images at the imaginary axis, or lie on it."""
+    """Return the factor of a polynomial whose roots have mirror images at the imaginary axis, or are on it."""
     return p.gcd(_flipped(p))
 
 

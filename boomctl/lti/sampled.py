@@ -1,8 +1,8 @@
-"""A continuous plant as a sampled controller sees it: exact at the samples, with delays of any length.
+"""Sampled plants for discrete controllers, exact at the samples, with delays of any length.
 
-Each control is held from one of its changes to the next; a delay moves those changes, by whole samples and a part of one.
-Over a sample with one change in it the plant moves by two holds, one after the other, which is exact.  Controls that are
-still to act, and measurements still on their way, are states.
+Each control is held between its changes; a delay shifts the changes by whole samples and a fraction of one.  Over a sample
+with one change the motion of the plant consists of two consecutive holds, which is exact.  Pending controls and
+measurements are states.
 """
 
 from collections.abc import Sequence
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
+_SAME = 1e-6  # Relative difference up to which two sampling times, entered by a user, are equal.
 _MOST_SAMPLES = 1000  # Limit on a delay [samples], each of which is a state for each control; detects wrong units.
 
 
 def same_time(own: float, wanted: float) -> bool:
-    """Return whether two sampling times [s] are meant to be the same; one that is not said is."""
+    """Return whether two sampling times [s] are equal; an unspecified one equals any."""
     return not abs(own - wanted) > _SAME * wanted
 
 
 def whole_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Return a delay as whole samples and what is left of it [s]."""
-    whole = int(np.floor(delay / dt + ALIKE))  # share of a sample up to which a delay is a whole number of them
+    """Return a delay as whole samples and the remainder [s]."""
+    whole = int(np.floor(delay / dt + ALIKE))  # To within this fraction of a sample.
     rest = delay - whole * dt
     return whole, rest if rest > ALIKE * dt else 0.0
 
@@ -146,7 +146,7 @@ class Held:
     before, after : (m, states) ndarray
         Which state each input is before and after it changes; a row of zeros for an input that is none.
     direct : (m, m) ndarray
-        One for each input that is the one given at this sample, after it changes.
+        One for each input that has its current value after it changes.
     """
 
     plant: Lti
@@ -169,7 +169,7 @@ class Held:
         acting : sequence of int
             The inputs that are controls.
         late : sequence of (int, float)
-            After how many whole samples, and how long after the last of them [s], each control changes.
+            Delay of each control: number of whole samples, and remainder [s].
         remembered : bool
             If True, the last control value is always a state.
         """

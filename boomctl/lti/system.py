@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     Controller: TypeAlias = control.StateSpace | control.TransferFunction | Design
 
-BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
+BATCH = 2**16  # Number of entries of the pencils that are solved at once; they fit into the cache.
 # Range of the largest matrix entry in which products of entries, and times of the poles, are finite.
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # Range of sampling times [s] in which rates and frequencies are finite.
@@ -96,7 +96,7 @@ class Lti:
         return replace(self, input_labels=inputs, output_labels=outputs)
 
     def balanced(self) -> "Lti":
-        """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
+        """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have similar norms."""
         A, scale = balance(self.A)
         return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale)
 
@@ -104,7 +104,7 @@ class Lti:
     def poles(self) -> Array:
         """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit.
 
-        Where rounding may have made one unstable, they are computed in exact arithmetic, of the numbers as they are stored.
+        If rounding error may make one unstable, they are computed in exact arithmetic, from the stored numbers.
         """
         cached = "eigensystem" in self.__dict__
         poles: Array = self.eigensystem[0] if cached else np.linalg.eigvals(self.A).astype(complex)
@@ -125,7 +125,7 @@ class Lti:
     def eigensystem(self) -> tuple[Array, Array, Array]:
         """Eigenvalues of ``A`` [rad/s], the inverse of the matrix of eigenvectors, and this: columns of length one.
 
-        The inverse is no number where there is none, as of equal poles in a chain.
+        The inverse is NaN if there is none, as for equal poles in a chain.
         """
         A, power = scaled_to_one(self.A)
         poles, right = (item.astype(complex) for item in np.linalg.eig(A))
@@ -188,7 +188,7 @@ class Lti:
 
     @property
     def system(self) -> "Lti":
-        """Itself: what a :class:`ClosedLoop` is, too."""
+        """The system itself, as in :class:`ClosedLoop`."""
         return self
 
     @cached_property
@@ -348,7 +348,7 @@ def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
 
 
 def signal_scales(A: Array, B: Array, C: Array) -> Array:
-    """Return scales of states, powers of two, with which rows and columns of ``[A, B; C, 0]`` have like sizes."""
+    """Return scales of states, powers of two, with which rows and columns of ``[A, B; C, 0]`` have similar norms."""
     n = len(A)
     bordered = np.zeros((n + 1, n + 1))
     bordered[:n, :n], bordered[:n, n], bordered[n, :n] = A, np.abs(B).sum(axis=1), np.abs(C).sum(axis=0)
@@ -357,12 +357,12 @@ def signal_scales(A: Array, B: Array, C: Array) -> Array:
 
 
 def well_posed_inverse(matrix: Array) -> Array:
-    """Return the inverse of ``I - D_K D22``; it has four digits or more.
+    """Return the inverse of ``I - D_K D22``, accurate to four digits or more.
 
     Raises
     ------
     ValueError
-        The loop is not well-posed.
+        If the loop is not well-posed.
     """
     message = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
     return balanced_inverse(matrix, SUMMED, message)
@@ -423,29 +423,30 @@ def of(
     any_time: bool = False,
     sampled: bool = False,
 ) -> Lti:
-    """Return the matrices and names of what a user hands in: a system of python-control, a structural model, an ``Lti``.
+    """Return the matrices and names of a user's system: a python-control system, a structural model or an ``Lti``.
 
     Parameters
     ----------
     system : StateSpace, TransferFunction, SecondOrderModel or Lti
     what : str
-        What a message calls it: the parameter's name.
+        Name of the parameter in messages.
     expected : str
-        What a message says was expected.  Where "SecondOrderModel" is expected, anything is taken that has a method
+        Expected types in messages.  If "SecondOrderModel" is among them, any object is accepted that has a method
         ``__lti__``, which returns an :class:`Lti` without python-control, or ``to_statespace``.
     discrete : bool, optional
-        True: discrete time is expected; by default, or False, continuous time.
+        If True, discrete time is required, otherwise continuous time.
     any_time : bool, optional
-        True: both will do.
+        If True, both are accepted.
     sampled : bool, optional
         If True, discrete time with a specified sampling time is accepted as well.
 
     Raises
     ------
     TypeError
-        Another kind of system.
+        If `system` has another type.
     ValueError
-        The wrong kind of time; matrices that are not finite; signals of the same name.
+        If time is discrete or continuous contrary to the requirement, if a matrix is not finite, or if signals have the
+        same name.
     """
     if isinstance(system, Lti):
         return system
@@ -488,9 +489,9 @@ def controller_of(
     scales: Mapping[str, float] | None = None,
     **time: bool,
 ) -> Lti:
-    """Return the matrices and names of a controller, or of that of a design, as :func:`of` does of a system.
+    """Return the matrices and names of a controller, or of the controller of a design; see :func:`of`.
 
-    ``scales`` are those of the plant: a scaled plant takes the controller of a design in scaled signals.
+    ``scales`` are those of the plant: with a scaled plant the scaled controller of a design is used.
     """
     held = "scaled_controller" if scales and hasattr(controller, "scaled_controller") else "controller"
     return of(getattr(controller, held, controller), what, expected, **time)
@@ -548,7 +549,7 @@ def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> N
 
 
 def _instead(system: object, models: bool) -> str:
-    """Return what to hand in instead of something that is no system with poles; whether structural models will do."""
+    """Return a hint for objects that are not systems with poles; ``models`` is True if structural models are accepted."""
     if is_frequency_response(system):
         return (
             ", which does not tell its poles: boomctl.fit finds a model for it, boomctl.sigma shows it, and "

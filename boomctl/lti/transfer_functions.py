@@ -1,9 +1,9 @@
 """Transfer functions as state-space systems, their response compared with that of the polynomials.
 
-Entries with the same denominator and input become one companion form, balanced, which has the coefficients as they are; of
-fewer outputs than inputs those with the same denominator and output.  An entry that is zero has no state.  States that the
-response of a matrix does not have are removed by SLICOT's staircase algorithm.  Polynomials lose digits where modes are many
-or lightly damped: the response of the realization is compared with that of the polynomials around every pole and zero.
+Entries with the same denominator and input become one balanced companion form with the original coefficients; with fewer
+outputs than inputs, entries with the same denominator and output.  An entry that is zero has no state.  Uncontrollable and
+unobservable states of a matrix are removed by SLICOT's staircase algorithm.  Polynomials are inaccurate for many or lightly
+damped modes, so the response of the realization is compared with that of the polynomials around every pole and zero.
 """
 
 from itertools import chain
@@ -70,7 +70,7 @@ def realized(system: "control.TransferFunction", what: str) -> tuple[Array, Arra
         error = C @ np.linalg.solve(at[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None]) + D
         error = np.abs(error.transpose(1, 2, 0) - G)
         allowed = LEVEL * np.abs(G) + SUMMED * (sizes_n + np.abs(G) * sizes_d) / np.abs(den)
-        if len(A) < order:  # entries were mixed: relative to all of them, in units of like sizes and as stored
+        if len(A) < order:  # Entries were mixed: relative to all of them, in scaled units and as stored.
             units = (out[:, None] / into)[:, :, None]
             relative, absolute = (np.abs(G) / units).max(axis=(0, 1)), np.abs(G).max(axis=(0, 1))
             allowed += np.minimum(SUMMED * relative * units, ALIKE * absolute)
@@ -111,7 +111,7 @@ def _companions(entries: list[tuple[Array, Array]], shape: tuple[int, int]) -> t
 
 
 def _minimal(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
-    """Return a system without the states that its response does not have; unchanged where it has all of them."""
+    """Return a minimal realization of a system; unchanged if it is minimal already."""
     import slycot
 
     n, m, p = len(A), B.shape[1], len(C)
@@ -123,7 +123,7 @@ def _minimal(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
 
 
 def _signal_scales(sizes: Array) -> tuple[Array, Array]:
-    """Return sizes of outputs, and inverse ones of inputs, powers of two: entries other than zero are then of like sizes."""
+    """Return scales of outputs and inverse scales of inputs, powers of two, with which nonzero entries are similar."""
     p, m = sizes.shape
     inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
     scale = balance(blocks([[np.zeros((p, p)), sizes], [inverse.T, np.zeros((m, m))]]))[1]

@@ -140,16 +140,16 @@ class GramianReducer(StateReducer):
 
     @abstractmethod
     def cut(self, order: int) -> tuple[Lti, float]:
-        """Return the balanced form in so many states, or fewer, and a bound of the error."""
+        """Return the balanced form in at most ``order`` states, and a bound on the error."""
 
     def twice_the_rest(self, order: int) -> float:
-        """Return twice the sum of the Hankel singular values that go: a bound of the error (Enns 1984, Glover 1984)."""
+        """Return twice the sum of the truncated Hankel singular values, an error bound (Enns 1984, Glover 1984)."""
         return 2.0 * float(self.values[order:].sum()) + self.form.lost
 
 
 @final
 class BalancedTruncation(GramianReducer):
-    """The weak states of the balanced form left out; exact at infinite frequency."""
+    """Truncation of the weak states of the balanced form; exact at infinite frequency."""
 
     def cut(self, order: int) -> tuple[Lti, float]:
         """Return the leading states."""
@@ -159,7 +159,7 @@ class BalancedTruncation(GramianReducer):
 
 @final
 class SingularPerturbation(GramianReducer):
-    """The weak states of the balanced form at rest (Liu & Anderson 1989); exact at zero frequency."""
+    """Residualization of the weak states of the balanced form (Liu & Anderson 1989); exact at zero frequency."""
 
     def cut(self, order: int) -> tuple[Lti, float]:
         """Return the leading states, the others at rest."""
@@ -170,19 +170,19 @@ class SingularPerturbation(GramianReducer):
 class HankelApproximation(GramianReducer):
     """The stable system nearest in the Hankel norm (Glover 1984, Int. J. Control 39, Theorems 6.3 and 9.7).
 
-    The Hankel norm of the error is the first Hankel singular value that goes, the smallest that any system of that order has.
+    The Hankel norm of the error is the first truncated Hankel singular value, the minimum for any system of that order.
     Its H-infinity norm is not the smallest: it may exceed that of balanced truncation.
     """
 
     def cut(self, order: int) -> tuple[Lti, float]:
         """Return the nearest system, and ``sigma_{r+1} + 2 sum of the distinct later ones``.
 
-        The bound is that of an all-pass error, and of an antistable part left out.
+        The bound is the sum for an all-pass error and for the truncated antistable part.
 
         Raises
         ------
         ValueError
-            The Hankel singular value is repeated across the cut, so that there is no best system of this order.
+            If the Hankel singular value is repeated across the cut, so that there is no best system of this order.
         """
         values, balanced = self.values, self.form
         n, r = len(values), order
@@ -239,7 +239,7 @@ def _at_real_point(A: Array, B: Array, C: Array) -> Array:
 def _orthogonal(B: Array, C: Array, near: Array) -> Array:
     """Return an orthogonal ``U`` with ``B = -C^T U``; it exists because ``B B^T = C^T C``.
 
-    Where that leaves it free, ``U`` is turned towards ``near``, so that it does not hang on the order of the signals.
+    Where it is not unique, ``U`` is chosen close to ``near``, so that it does not depend on the order of the signals.
     """
     left, size, right = np.linalg.svd(-C @ B)
     rank = int((size > ROOT * size[0]).sum())

@@ -26,15 +26,17 @@ from boomctl.lti.system import Lti, parallel
 
 Band = tuple[float, float]
 
-# Above the largest error found, at which a level is checked: eigenvalues of full and reduced system nearly coincide, and hide
-# levels that are closer.
+# Relative distance of the checked level above the largest computed error.  Nearly equal eigenvalues of full and reduced
+# system prevent closer levels.
 _ABOVE = 1e-2
-_COARSE = 2.0  # Times the error, a level that is checked where rounding hides the first.
-_SLACK = 1e-3  # Share by which an error may exceed its a priori bound, for rounding on the way.
-# Share of the largest response below which an error may exceed its bound: Hankel singular values are products of factors of
-# Gramians, which keep the square root of rounding.
+_COARSE = 2.0  # Multiple of the error for a second level if rounding prevents the first.
+_SLACK = 1e-3  # Fraction by which an error may exceed its a priori bound, for rounding.
+# Fraction of the largest response below which an error may exceed its bound: Hankel singular values are products of factors
+# of Gramians, which are accurate to the square root of rounding.
 GRAMIANS = float(np.sqrt(DIGIT))
-_LOST = 1e-7  # Share of the largest response that modal coordinates may lose; otherwise the given ones are taken.
+_LOST = (
+    1e-7  # Largest error of modal coordinates, relative to the largest response; otherwise the original ones are used.
+)
 
 
 @dataclass(frozen=True)
