@@ -130,7 +130,7 @@ class Inequality:
         return P
 
     def gain(self, omega: float) -> arb:
-        """Return a gain in one direction near a frequency [rad/s], enclosed: the largest but for rounding, never above it."""
+        """Return a gain in one direction near a frequency [rad/s], enclosed: the largest but for rounding, not above it."""
         flint.ctx.prec = PRECISION
         G, s = acb_mat(self.D), acb(0, float(image_of_omega(omega, self.dt)))
         if s.is_finite():
@@ -187,7 +187,7 @@ class Inequality:
 
 
 def enclosed_gain(G: acb_mat) -> arb:
-    """Return the gain of a matrix in one direction, enclosed: the largest but for rounding, never above it."""
+    """Return the gain of a matrix in one direction, enclosed: the largest to within rounding, never above it."""
     middle = np.array([complex(x) for x in G.entries()]).reshape(G.nrows(), G.ncols())
     v = acb_mat([[acb(x.real, x.imag)] for x in np.linalg.svd(middle)[2][0].conj().tolist()])
     moved, unit = (sum((abs(x) ** 2 for x in vector.entries()), arb(0)) for vector in (G * v, v))

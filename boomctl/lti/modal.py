@@ -311,7 +311,8 @@ def block_diagonal(A: Array, condition: float | None = None) -> tuple[Array, Arr
     A : (n, n) ndarray
         Real.
     condition : float, optional
-        Largest condition of the columns; the blocks are the smallest that it allows. By default half of the accuracy is preserved.
+        Largest condition of the columns; the blocks are the smallest that it allows. By default half of the
+        accuracy is preserved.
     """
     from boomctl.lti.python_control import control
 

@@ -356,9 +356,9 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
 def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array:
     """Return the lengths of an exact beam's segments.
 
-    They are measured between the points attached, and taken from the sections: a difference of stations, which count
-    from the beam's start, has lost digits where a segment is short.  Lengths that differ by no more than that are one,
-    so that segments alike are computed once.
+    They are distances between attachments, or lengths of segments of the beam: a difference of stations, which are relative
+    to the start of the beam, is inaccurate for a short segment.  Lengths that are equal to within this error are identified,
+    so that equal segments are computed once.
     """
     lengths, lost = np.diff(nodes), CANCELLED * beam.length
     attached = [beam.parent, *(point for point in points if point.body.name == beam.name)]

@@ -34,7 +34,7 @@ class Row:
     sizes: Array = field(default_factory=lambda: np.zeros(()))
 
     def scaled(self, factor: float, size: float) -> "Row":
-        """Return the row times a factor that was computed from numbers as large as ``size``; zero if it is rounding."""
+        """Return the row times a factor with terms of magnitude ``size``; zero if the factor is rounding error."""
         if abs(factor) <= CANCELLED * size:
             return Row()
         return Row(factor * self.terms, size * self.sizes)
@@ -136,7 +136,7 @@ class Kinematics:
         return component(a) if b is None else component(a) - component(b)
 
     def add_body(self, body: Body) -> None:
-        """Add the motion of a body, whose parent is there, and what its joint holds."""
+        """Add the motion of a body, whose parent is present, and the constraints of its joint."""
         parent = self.motion(body.parent)
         x, y, theta = parent.x, parent.y, parent.theta
         for label, angle in body.joint.translations:
@@ -158,7 +158,7 @@ def _along(row: Row, angle: float, component: Callable[[float], float]) -> Row:
 
 
 def attachments(beam: Beam, points: Iterable[Point]) -> list[float]:
-    """Return the stations of ``beam`` at which something is attached, ascending."""
+    """Return the stations of the attachments of ``beam``, ascending."""
     here = [beam.parent, *(point for point in points if point.body.name == beam.name)]
     return sorted({beam.station(point.x, point.y) for point in here})
 
@@ -168,7 +168,7 @@ def kinematics(
 ) -> Kinematics:
     """Walk the tree from the ground and write down coordinates, motions and joint conditions.
 
-    ``prescribed`` is how many displacements may be prescribed, each of which takes a coordinate away.
+    ``prescribed`` is the number of displacements that may be prescribed, each of which eliminates a coordinate.
     """
     names: list[str] = []
     weights: list[float] = []

@@ -69,7 +69,7 @@ class Layout:
     __repr__ = compact
 
     def __getstate__(self) -> dict[str, object]:
-        """Pickle what it is made of; its halves can be found again."""
+        """Pickle the fields without cached results."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
     @property

@@ -104,7 +104,7 @@ class Structure:
 
     @cached_property
     def strain_form(self) -> StrainForm | None:
-        """The structure in strain coordinates; None of matrices given."""
+        """The structure in strain coordinates; None for matrices passed by the user."""
         return strain_form(self.layout, self.weights) if self.has_strains else None
 
     @cached_property
@@ -152,16 +152,16 @@ class Structure:
 
 @lru_cache(maxsize=CACHE_SIZE)
 def _mirrored(layout: Layout, mirror: Mirror | None) -> Layout:
-    """Return a layout with a mirror or without; one for all structures that share the layout."""
+    """Return a layout with or without a mirror, cached for all structures that share the layout."""
     return replace(layout, mirror=mirror)
 
 
-# A half of a symmetric structure with its signals: ``W_in``, ``W_out`` of ``y = W_out y_half``, ``d_half = W_in^T d``.
+# A subsystem of a symmetric structure with its signals: ``W_in``, ``W_out`` of ``y = W_out y_half``, ``d_half = W_in^T d``.
 Half = tuple[Structure, Ports, Array, Array]
 
 
 def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
-    """Return one half of a structure with its signals; None where it carries no mirror, or a signal has no image."""
+    """Return one subsystem of a structure with its signals; None without a mirror, or if a signal has no image."""
     mirror = structure.mirror
     if mirror is None:
         return None
@@ -173,7 +173,7 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
-    """Return the halves that have both inputs and outputs, or None where the structure or its signals do not split."""
+    """Return the subsystems that have both inputs and outputs, or None if structure or signals do not decouple."""
     both = half(structure, ports, 1), half(structure, ports, -1)
     if both[0] is None or both[1] is None:
         return None
@@ -189,7 +189,7 @@ def dynamic_stiffness(matrices: tuple[Array, Array, Array], s: Array) -> Array:
 
 
 def check_size(n: int) -> None:
-    """Raise if a model has more coordinates than matrices are made for."""
+    """Raise ValueError if a model has too many coordinates."""
     if n > _LARGEST:
         raise ValueError(
             f"The model must have at most {_LARGEST} coordinates, got {n}. Use a few elements of high order:"

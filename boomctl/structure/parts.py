@@ -791,7 +791,7 @@ def direction_angle(direction: "str | float") -> float | None:
 
 
 def _radians(name: str, value: object) -> float:
-    """Return an angle of at most one turn [rad]: more are degrees."""
+    """Return an angle of at most one turn [rad]; larger values are probably degrees."""
     if abs(real(name, value)) > 2.0 * pi:
         raise ValueError(
             f"{name} = {value!r}: expected radians, at most one turn; math.radians({value!r}) makes them of degrees"
@@ -814,9 +814,9 @@ class SpringDamper:
     Parameters
     ----------
     a, b : Point
-        Its ends; its elongation is the displacement of ``a`` less that of ``b`` along ``direction``.
+        End points; the elongation is the displacement of ``a`` minus that of ``b`` along ``direction``.
     direction : "x", "y", "theta" or float
-        Line along which it acts; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torsion spring.
+        Direction in which it acts; a number is an angle from the x axis [rad]; ``"theta"`` for a torsion spring.
     stiffness : float
         Force over elongation [N/m]; for ``"theta"`` torque over angle [N m/rad].
     damping : float
@@ -863,7 +863,7 @@ class Force:
     point : Point
         Point at which it acts.
     direction : "x", "y", "theta" or float
-        Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
+        Direction of the force [N]; a number is an angle from the x axis [rad]; ``"theta"`` for a torque [N m].
     reaction_point : Point, optional
         Point of another body at which the opposite force acts, as for an actuator between two bodies.  If None, the force
         is external.
@@ -909,9 +909,9 @@ class Output:
     point : Point
         The point whose motion is measured.
     direction : "x", "y", "theta" or float
-        Direction of the motion [m]; a number is an angle from the x axis [rad]; ``"theta"`` reads the turn [rad].
+        Direction of the motion [m]; a number is an angle from the x axis [rad]; ``"theta"`` for the rotation [rad].
     relative_to : Point, optional
-        A point whose motion along the same direction is taken off, as with a sensor between two bodies.
+        Point whose motion along the same direction is subtracted, as for a sensor between two bodies.
     derivative : 0, 1 or 2
         Displacement, velocity or acceleration.
     bandwidth_hz : float, optional
@@ -921,7 +921,8 @@ class Output:
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; not a point; an unknown direction; another derivative; a bandwidth not above zero.
+        If `name` is not a name, if `point` is not a point, if the direction or derivative is unknown, or if the bandwidth is
+        not above zero.
 
     Examples
     --------
@@ -954,19 +955,19 @@ class Output:
 
 @dataclass(frozen=True)
 class CutJoint:
-    """A joint that closes a kinematic chain: its two points stay together.
+    """A joint that closes a kinematic chain: its two points coincide.
 
     Parameters
     ----------
     a, b : Point
-        Points of two bodies, at one place at rest.
+        Points of two bodies with the same position at rest.
     directions : tuple of "x", "y", "theta" or float
-        Along which the points stay together; both ``"x"`` and ``"y"`` make a hinge, with ``"theta"`` a weld.
+        Constrained directions; ``"x"`` and ``"y"`` together are a hinge, with ``"theta"`` a rigid connection.
 
     Raises
     ------
     TypeError, ValueError
-        Not points of two bodies; points that do not rest at one place; no direction or an unknown one.
+        If the points do not belong to two bodies or differ at rest, or if a direction is missing or unknown.
 
     Examples
     --------

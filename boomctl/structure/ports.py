@@ -5,9 +5,9 @@ The equations of motion and the outputs are, with ``d`` the inputs and ``q`` the
     M q'' + C q' + K q = B0 d + B1 d' + B2 d''
     y = L0 q + L1 q' + L2 q'' + E0 d + E1 d' + E2 d''
 
-A force input has ``B0`` alone.  A displacement input brings all three.  Where the user imposes the velocity or the
-acceleration of a displacement input, ``integrators`` says how often the signal is integrated before it is ``d``.
-An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
+A force input has only ``B0``, a displacement input all three.  If the velocity or acceleration of a displacement input is
+imposed, ``integrators`` is the number of integrations from the signal to ``d``.
+An output may have a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from boomctl.checks import names
 from boomctl.printing import compact
 from boomctl.units import half_unit
 
-FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
+FILTER_DAMPING = np.sqrt(0.5)  # Damping ratio of the outputs' low-pass filters (Butterworth).
 
 
 def evaluate(terms: Array, s: Array) -> Array:

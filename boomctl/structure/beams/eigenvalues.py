@@ -75,7 +75,7 @@ def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
 
 
 def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:
-    """Return a frequency below all elastic ones, one above ``count`` of them, and how many are zero."""
+    """Return a frequency below all elastic ones, one above ``count`` of them, and the number of zero frequencies."""
     longest = max(segment.length for segment in model.segments)
     scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
     low, high, rigid = 1e-6 * scale, scale, model.strains.at_rest.rigid

@@ -129,7 +129,7 @@ class ExactModel:
         return replace(self, layout=_mirrored(self.layout, mirror))
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
-        """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
+        """Return the frequency-independent part of the response computation, by subsystem for symmetric structures."""
         groups, direct = _arranged(self.layout, self.layout.rigid.mirror, tuple(inputs), tuple(outputs))
         weights = term_weights(self.weights, self.segments)
         coefficients = [np.stack([(weights @ part.terms).T for part in parts], axis=1) for parts in groups]
@@ -146,14 +146,14 @@ class ExactModel:
         return replace(self, weights=weights, segments=tuple(replace(s, stiffness_damping=0.0) for s in self.segments))
 
     def count_below(self, omega: Array) -> Array:
-        """Return how many undamped natural frequencies lie below each ``omega`` (Wittrick & Williams 1971)."""
+        """Return the number of undamped natural frequencies below each ``omega`` (Wittrick & Williams 1971)."""
         values, clamped = self.inertia(omega)
         return (values < 0.0).sum(axis=1) + clamped
 
     def inertia(self, omega: Array) -> tuple[Array, Array]:
         """Return the eigenvalues of the scaled undamped dynamic stiffness, ascending, (len(omega), n).
 
-        And how many natural frequencies of its clamped segments lie below each ``omega``.
+        The second value is the number of natural frequencies of its clamped segments below each ``omega``.
         """
         clamped = clamped_count(wave_numbers(self.segments, omega)).sum(axis=1)
         return self._at_rest.strains.inertia(omega), clamped
@@ -240,7 +240,7 @@ Parts = tuple[_Part, ...]
 def _arranged(
     layout: ExactLayout, mirror: Mirror | None, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> tuple[tuple[Parts, ...], Array]:
-    """Return the parts of a structure, those of one pattern together, and what inputs add to outputs directly."""
+    """Return the parts of a structure, grouped by pattern, and the direct feedthrough from inputs to outputs."""
     wanted_in, wanted_out, shape = inputs, outputs, (len(outputs), len(inputs))
     if mirror is not None:
         wanted_in = mirror.completed(wanted_in, layout.ports.inputs)
@@ -338,9 +338,9 @@ class PreparedResponse:
 
 
 def _add(parts: Parts, coefficients: Array, functions: Array, total: Array) -> Array:
-    """Add the response of parts of one pattern, (outputs, inputs, frequencies); return where it lost too many digits.
+    """Add the response of parts of one pattern, (outputs, inputs, frequencies); return where it is inaccurate.
 
-    All parts are solved at once, the frequencies of one after those of another.
+    All parts are solved at once, with their frequencies concatenated.
     """
     (n, m), count, points = parts[0].forces.shape, len(parts), functions.shape[1]
     values = _combined(coefficients.reshape(-1, coefficients.shape[2]), functions).reshape(-1, count * points)

@@ -41,8 +41,8 @@ class StrainEquations:
         Number of coordinates that strain neither a short segment nor a spring.
     kinds : tuple of BeamSegment
     coefficients, sizes : (numbers, n, n + m) ndarray
-        What multiplies ``1, s, s^2`` and six strain functions a kind of segment in ``[D, B]``; how large the products are
-        that it was summed from.
+        Coefficients of ``1, s, s^2`` and six strain functions per kind of segment in ``[D, B]``; magnitudes of their
+        terms.
     """
 
     V: Array
@@ -52,7 +52,7 @@ class StrainEquations:
     sizes: Array
 
     def functions(self, s: Array) -> tuple[Array, Array]:
-        """Return ``1, s, s^2`` and six strain functions a kind of segment at each ``s``, and their size."""
+        """Return ``1, s, s^2`` and six strain functions per kind of segment at each ``s``, and their magnitudes."""
         values = np.empty((len(self.coefficients), len(s)), dtype=complex)
         sizes = np.empty(values.shape)
         values[0], values[1], values[2] = 1.0, s, s * s
@@ -69,11 +69,11 @@ class StrainEquations:
         return np.tensordot(values.T, self.coefficients, 1)
 
     def size(self, sizes: Array) -> Array:
-        """Return how large the terms are that ``[D, B]`` is summed from, functions being of these sizes."""
+        """Return the magnitudes of the terms of ``[D, B]`` from those of the functions."""
         return np.tensordot(sizes.T, self.sizes, 1)
 
     def scale(self, sizes: Array) -> Array:
-        """Return by what lines and columns are scaled, so that no term of the diagonal exceeds one, (frequencies, n)."""
+        """Return scales of lines and columns with which no term of the diagonal exceeds one, (frequencies, n)."""
         terms = np.einsum("kii->ki", self.sizes[:, :, : self.V.shape[0]])
         return 1.0 / np.sqrt(np.maximum(sizes.T @ terms, np.finfo(float).tiny))
 
@@ -116,7 +116,7 @@ class StrainSystem:
         return self._equations(np.ones(len(self.segments), dtype=bool))
 
     def _equations(self, short: Array) -> StrainEquations:
-        """Return the equations over the strains of the segments that are short, found once."""
+        """Return the equations over the strains of the short segments, which are cached."""
         key = short.tobytes()
         if key in self._known:
             return self._known[key]
@@ -137,7 +137,7 @@ class StrainSystem:
         unit, count = np.sqrt(np.where(stiff, weights.k, 1.0)), len(strains)
 
         def numbers(size: Callable[[Array], Array]) -> Array:
-            """Return what multiplies the functions, of the numbers themselves or of their absolute values."""
+            """Return the coefficients of the functions, from the numbers or from their absolute values."""
             T = size(V)
             moved, ends = size(rows) @ T, size(lines) @ T
             moved[used] = size(strained)

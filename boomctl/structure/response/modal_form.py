@@ -25,9 +25,9 @@ MODES, COORDINATES = "modes", "coordinates"  # Values of `states`.
 # some units of rounding, and a rotation of such modes mixes in the root of rounding.
 _UNDAMPED = 1e-8
 _OVERDAMPED = 1e3  # Rate of damping over the slowest frequency from which on a state space over modes is checked.
-_EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which given matrices keep their coordinates.
+_EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which user matrices keep their coordinates.
 _CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is checked, between no resonances.
-_MAX_ROUNDING = 1e-6  # Of a response: rounding of a state space over modes above which a warning is given.
+_MAX_ROUNDING = 1e-6  # Rounding error of a response of a state space over modes above which a warning is given.
 
 
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
@@ -120,7 +120,7 @@ def _warned(system: Lti, structure: Structure, ports: Ports, least: float, limit
 
 
 def _scaled(system: Lti, ports: Ports, frequencies: Array) -> Lti:
-    """Return a system over modes with places times frequencies, which are as large as speeds, by powers of two.
+    """Return a system over modes with positions scaled by frequencies, to the magnitude of velocities, by powers of two.
 
     Rigid-body modes count as fast as the slowest elastic one.
     """

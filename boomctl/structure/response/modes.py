@@ -57,8 +57,8 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
 def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
     """Return modes, those whose ``v^T K v`` is the rounding of its terms with a frequency of exactly zero.
 
-    The other coordinates of a shape are zero where a coordinate without stiffness moves alone: they contribute nothing to
-    the kinetic energy, and the remainder strains nothing.
+    If a coordinate without stiffness moves alone, the other coordinates of a shape are zero: they do not contribute to the
+    kinetic energy, and the remainder has no strain.
     """
     slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
     if not len(slow):
