@@ -1,8 +1,8 @@
 """Proof that the largest singular value of a loop stays below a level throughout a cell of parameters.
 
 The loop is ``E x' = A x + B w``, ``z = C x + D w``; ``E``, ``A`` and ``B`` are polynomials of the parameters.  A singular
-value is ``gamma`` at a frequency where a pencil is singular that is even but for factors without a zero on the imaginary axis
-(Bruinsma & Steinbuch 1990, with a matrix ``E``, and with ``w = (1 - s/r) v`` in place of the inverse of
+value is ``gamma`` at a frequency if this pencil is singular there, which is even except for factors without a zero on the
+imaginary axis (Bruinsma & Steinbuch 1990, with a matrix ``E``, and with ``w = (1 - s/r) v`` instead of the inverse of
 ``gamma^2 - D^T D``):
 
     [s E - A, 0, -(1 - s/r) B; C^T C, -s E^T - A^T, (1 - s/r) C^T D; D^T C, -B^T, (1 - s/r) (D^T D - gamma^2)].

@@ -101,7 +101,7 @@ class BoxLoops:
         return poles_of(value_at(part.pencils, (delta - part.cell.middle) / part.cell.reach))
 
     def abscissa(self, delta: Array) -> float:
-        """Return the largest real part of the poles at a point [rad/s]; of a sampled loop that of ``log(z)/dt``."""
+        """Return the largest real part of the poles at a point [rad/s], or of ``log(z)/dt`` for a sampled loop."""
         return float(rates_of(self.poles(delta), self.controller.dt).real.max())
 
     def stable(self, delta: Array) -> bool:

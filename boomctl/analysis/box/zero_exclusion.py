@@ -120,9 +120,7 @@ def _modes(local: Polynomial, reach: Array, error: Array) -> _Modes | None:
         return None
 
     def factors(X: Array) -> tuple[Array, Array]:
-        rows = np.flatnonzero(
-            X.any(axis=1)
-        )  # A parameter changes few rows: products of low-rank factors are inexpensive.
+        rows = np.flatnonzero(X.any(axis=1))  # A parameter changes few rows: products of low-rank factors are fast.
         return W[:, rows], X[rows] @ V
 
     both = {power: (factors(pencil[0]), factors(pencil[1])) for power, pencil in local.items()}
