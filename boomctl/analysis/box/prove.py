@@ -95,8 +95,8 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
     statement : Statement
         The statement to prove.
     limit : float
-        Largest number of cells of parameters in each part at a level, at least one; no cell is narrower than the part divided
-        by ``limit``.
+        Largest number of cells of parameters in each part at a level, at least one; cells narrower than the part divided by
+        ``limit`` are not halved.
     """
     parameter_cells, frequency_cells = 0, 0
 
