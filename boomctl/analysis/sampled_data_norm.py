@@ -40,9 +40,8 @@ NOT_STABLE = "a pole on or outside the unit circle"  # Infinite.
 _SMALL = 0.5  # Norm of the Hamiltonian matrix times the first step.
 _SHORT = 0.25  # Largest gain within the first step, relative to the level.
 _DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate an error of units.
-_DISTANCE = (
-    3e-6  # Relative distance of the candidate levels from the estimated norm: three times it is below CERTIFIED.
-)
+# Relative distance of the candidate levels from the estimated norm: three times it is below CERTIFIED.
+_DISTANCE = 3e-6
 _FARTHER = 5.0  # Factor on this distance if rounding error prevents a decision.
 _FAR = 100.0  # Factor on a level that is reached, until an upper bound is known.
 _LEVELS = 60  # Largest number of levels: about six, and one more for two decades between the unit and the norm.
