@@ -57,9 +57,8 @@ _FAR = 0.6  # Bound of ``Z`` above which it, not the terms of second order, dete
 _WEDGE = 1.0
 _ORDER = 2  # Largest order of a product whose matrix is stored with phases; longer products count by their magnitudes.
 _FIRST = 0.5  # First frequency of the chain after zero, relative to the slowest pole.
-_CORNERS = (
-    6  # Variables of a larger box whose vertices are combined: memory grows with three to the power of this number.
-)
+# Variables of a larger box whose vertices are combined: memory grows with three to the power of this number.
+_CORNERS = 6
 _HULLS = (_hull(5), _hull(3), _hull(2))  # Polygons of the frequency, of few parameters, of many: vertices multiply.
 _FEW = 4  # Largest number of variables, the frequency included, that counts as few: 6 * 4 * 4 * 4 vertices.
 _BATCH = 2**18  # Entries of the matrices in one batch, which fit into the cache.
