@@ -226,7 +226,7 @@ class SampledLoop:
         acting = range(nw, nw + m)
         held = Held.of(P, acting, [late] * m)
         queue = held.sampled(dt)
-        inputs = np.vstack([np.zeros((n + m, m)), held.direct[nw:, nw:]])
+        sent = np.vstack([np.zeros((n + m, m)), held.direct[nw:, nw:]])
         states = np.vstack([np.eye(n, len(queue.A)), held.before[nw:], held.after[nw:]])
         parts = []
         for duration, at in ((late[1], slice(n, n + m)), (dt - late[1], slice(n + m, n + 2 * m))):
@@ -235,9 +235,7 @@ class SampledLoop:
                 A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, nw:], P.C[:nz], P.D[:nz, nw:]
                 B = np.vstack([P.B[:, :nw], np.zeros((2 * m, nw))])
                 parts.append((duration, Lti(A, B, C, P.D[:nz, :nw])))
-        return cls(
-            replace(K, state_labels=()), tuple(parts), queue.between(acting, range(nz, len(P.C))), states, inputs
-        )
+        return cls(replace(K, state_labels=()), tuple(parts), queue.between(acting, range(nz, len(P.C))), states, sent)
 
     @property
     def at_samples(self) -> Lti:
