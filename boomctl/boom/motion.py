@@ -13,7 +13,7 @@ from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS, Track, step_count
 from boomctl.boom.tractor import TractorParameters, tractor_lti
-from boomctl.checks import exactly, finite_array, instance, known, positive, real, truth, within
+from boomctl.checks import exactly, finite_array, instance, known, positive, real, truth, up_to, within
 from boomctl.checks import path as checked_path
 from boomctl.files import read_numbers, write_whole
 from boomctl.lti.hold import linear_hold, linear_hold_response, recursion
@@ -208,9 +208,12 @@ def platform_motion(
     wanted = reach / V if duration is None else positive("duration", duration)
     if not track.periodic:
         within("duration", wanted, 0.0, reach / V * (1.0 + 1e-9), "s")
-    # A quarter of a tire's contact length, or a step of the track.
-    longest = max(0.25 * p.contact_length, track.spacing) / V
-    h = within("sample_time", positive("sample_time", sample_time), 0.0, longest * (1.0 + 1e-9), "s")
+    h, longest = positive("sample_time", sample_time), max(0.25 * p.contact_length, track.spacing)
+    if V * h > longest * (1.0 + 1e-9):
+        raise ValueError(
+            f"`sample_time` must be at most {up_to(longest / V)} s, a quarter of a tire's contact length at speed ="
+            f" {exactly(V)}, or a speed of at most {up_to(longest / h)} m/s, got {exactly(h)} s."
+        )
     count = step_count("duration", wanted, h, "s")
     before, rest = _driven_before(system, track, V, h, p.wheelbase) if track.periodic else (0, None)
     ground = _ground(track, V * h * np.arange(-before, count + 1), p.wheelbase)

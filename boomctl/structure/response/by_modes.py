@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import EPS, SOLVED
+from boomctl.lti.rounding import EPS, SOLVED, TINY
 from boomctl.structure.damping import uneven_damping
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
@@ -32,7 +32,7 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
     dampers = np.flatnonzero(excess.any(axis=tuple(range(1, excess.ndim))))
     rows = (structure.layout.R[dampers] @ V).T
     square, mix, _ = lapack.dsyev(rows.T @ rows)  # Rows alike, as of mirror images, are one damper.
-    size = np.sqrt(np.maximum(square, EPS * square.max(initial=0.0)))
+    size = np.sqrt(np.maximum(square, max(EPS * square.max(initial=0.0), TINY)))
     core = mix.T @ weigh(excess[np.ix_(*[dampers] * excess.ndim)], mix)
     gamma, turn, _ = lapack.dsyev(size[:, None] * core * size)
     uneven = np.abs(gamma) > SOLVED * np.abs(gamma).max(initial=0.0)

@@ -181,6 +181,8 @@ def mixed_sensitivity(
     """
     system = plant_within(plant)
     ins, outs = system.input_labels, system.output_labels
+    if not (ins and outs):
+        raise ValueError("`plant` must have at least one input and one output, got none.")
     errors = tuple(f"error_{name}" for name in outs)
     weighted = {"error": (errors, W1), "control": (ins, W2), "output": (outs, W3)}
     weights = {
