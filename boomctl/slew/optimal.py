@@ -1,18 +1,18 @@
-"""Optimal slews: the best torque for a problem, by the first way that finds one, played back and certified.
+"""Optimal slews: the torque is computed by the first method that succeeds, then simulated and certified.
 
-The ways, in the order in which they are tried; the stages of a result names those that ran:
+Methods, in order; the stages of a result list those used:
 
-1. Switching times of a linear plant, for the least time under the torque's limit alone: the problem is convex, the times
-   are exact, and weak duality proves that they are optimal.
-2. Durations of arcs of a nonlinear plant, for the same: a few unknowns, started from the linear part's, accurate to the
-   tolerance. With one mode they start from the rigid body with its slowest vibration, two unknowns in closed form.
-3. Least effort, but with a limit of the torque's slope: the torque held on a mesh is a closed form, clipped at its limit, in
-   as many unknowns as the end has conditions and limits are met at nodes. Of a linear plant under the torque's limit
-   alone weak duality says how far any torque is from it; of others the closed form is taken again along the motion.
-4. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
-   the durations of its arcs once more.
+1. Minimum time of a linear plant under the torque limit only: switching times. The problem is convex, the times are
+   exact, and weak duality proves that they are optimal.
+2. Minimum time of a nonlinear plant under the torque limit only: durations of arcs, accurate to the tolerance. They start
+   from those of the linear part, or with one mode from the rigid body with its slowest vibration, in closed form.
+3. Minimum effort without a torque rate limit: the torque held on a mesh is a closed form, clipped at its limit, with one
+   unknown per terminal condition and active limit. For a linear plant under the torque limit only, weak duality bounds
+   the optimality gap; for others the closed form is iterated along the motion.
+4. A nonlinear program on a mesh, for all other problems and if method 2 fails; the arcs of a bang-bang torque from it are
+   the start of another attempt by method 2.
 
-Beams with axial modes are planned as if they did not stretch, and judged with these modes.
+Beams with axial modes are planned without them, and simulated with them.
 """
 
 from __future__ import annotations
@@ -56,14 +56,14 @@ if TYPE_CHECKING:
 
     from boomctl.slew.plant import SlewMachine
 
-TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
-_FAILED = 2  # meshes without a torque of least effort, after which none is tried (a choice)
-_LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
+TIME_LIMIT = 120.0  # default time limit of a search [s]: ten times that of the slowest design
+_FAILED = 2  # meshes without a torque of least effort after which the method stops
+_LONGER = 1.5  # duration of an initial guess with limits other than the torque's, over the linear part's least time
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a result remembers of its planning: what was asked, and a programme with its solution."""
+    """Data of a result for replanning: arguments, problem, and a nonlinear program with its solution."""
 
     asked: dict[str, Any]
     problem: SlewProblem
@@ -74,7 +74,7 @@ class Planned:
 
 
 def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
-    """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
+    """Solve a nonlinear program on a mesh; if its torque is bang-bang, then optimize the durations of its arcs."""
     if least is None or not problem.fastest:
         duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
         least = least_effort(problem, duration, problem.intervals or MESHES[0]).history
@@ -88,11 +88,11 @@ def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
 
 
 def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ...]]:
-    """The least effort of a torque that is held, of which no more than the end and the limits that are met have to be found.
+    """Compute the held torque of least effort, with one unknown per terminal condition and active limit.
 
-    Of a linear plant within the torque's limit alone weak duality tells how far it is from the least of all; of others,
-    how much a mesh half as fine changes, or one twice as fine where that has no slew. None where a limit is too low, of
-    which a programme says where it is met, and where Newton's method failed: on two meshes, the coarsest.
+    The gap is that of weak duality for a linear plant under the torque limit only; otherwise the change of the effort on a
+    mesh half as fine, or twice as fine if that has no solution. None if a limit is too low (a nonlinear program then
+    reports where) or Newton's method fails, on the two coarsest meshes.
     """
     asked = problem.intervals
     proved = problem.linear and not problem.limits.beside_torque
@@ -122,7 +122,7 @@ def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ..
 
 
 def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
-    """Least effort on a mesh, the limits tightened until the replay keeps them between the nodes too; None without any."""
+    """Compute the least effort on a mesh; tighten limits until the replay satisfies them between the nodes too, or None."""
     duration, limits = problem.duration, problem.limits
     assert duration is not None
     if not limits.beside_torque and problem.linear:
@@ -138,7 +138,7 @@ def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
             return candidate
         motions = played(problem, candidate.history)
         excess = violation(problem, candidate.history, motions)
-        # relative, over a limit, in a replay: rounding of the integrator
+        # relative excess at the rounding error of the integrator
         if max(excess.values()) <= ALIKE:
             return replace(candidate, motions=motions)
         limits = limits.tightened(excess)
@@ -167,61 +167,61 @@ def optimal_slew(
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
-    """Turn a flexible beam, or any linear system, through an angle in the best way that the limits allow.
+    """Plan an optimal slew of a flexible beam, or of any linear system, within limits.
 
     Parameters
     ----------
     system : hub-beam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
-        and that angle. Outputs "tip_displacement" and "root_moment" are known by name.  Words and pictures call its signals
-        by their own names, and give units where these are those of a hub-beam, "torque" and "hub_angle".
+        and that angle. Outputs "tip_displacement" and "root_moment" are identified by name.  Texts and plots use its signal
+        names, with units if these are the names of a hub-beam, "torque" and "hub_angle".
     angle, torque_limit : float
-        Angle to turn through [rad] (None leaves it free), and largest torque either way [N m].
+        Slew angle [rad], free if None, and largest absolute torque [N m].
     angle_deg : float, optional
         The angle in degrees, in place of ``angle``.
     objective, duration : str, float or None
-        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk
-        squared), "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
+        "time"; or with a duration [s] "effort" (integral of the squared torque), "jerk" (of the squared hub jerk),
+        "torque-rate" (of the squared torque rate), "tip" (largest tip displacement).
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
-        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
+        Limits of the torque rate [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
         m].
     final_speed : float
         Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
-        States of a linear system at the beginning and at the end, in its own order; None is rest.
+        Initial and terminal state of a linear system. If None, rest.
     tip_masses : tuple of float
-        Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
+        Other payloads [kg] that the same torque brings to rest without vibration; the angle is that of `system`.
     rtol : float, optional
-        Largest relative error of the prescribed end state in the replay; by default 1e-6. Beams with axial modes, as of FOAM,
-        are planned as if they did not stretch, and replayed with these modes: by default with 1e-4. A smaller tolerance is
-        met by switching times that are corrected with axial modes; other torques are refused where they miss it. Axial motion
-        is not prescribed; what is left of it is in ``terminal_error``.
+        Largest relative error of the prescribed end state in the replay; by default 1e-6. Beams with axial modes, such as
+        FOAM, are planned without these modes and replayed with them: by default with 1e-4. For smaller tolerances, switching
+        times are corrected with axial modes; other torques raise an error if they exceed it. Axial motion is not prescribed;
+        the rest of it is in ``terminal_error``.
     intervals : int or None
-        Number of intervals of the mesh; None refines it until halving it changes the cost by less than 1e-4.
+        Number of intervals of the mesh. If None, it is refined until halving changes the cost by less than 1e-4.
     time_limit : float
-        Time to search for it [s]; judging what was found takes a little more. When it is over, the slew on the finest
+        Time limit of the search [s], without the verification of the result. If it is exceeded, the slew on the finest
         mesh so far is returned, if the replay confirms it.
     progress : callable or None
-        Called with a `SlewProgress` now and then.
+        Called with a `SlewProgress` at each stage and iteration.
 
     Returns
     -------
     SlewResult
-        The torque over time, what the plant does under it, and a certificate.
+        Torque and motion over time, and a certificate.
 
     Raises
     ------
     TypeError, ValueError, SlewError
-        A bad argument, or no angle or torque limit; a slew that no torque within the limits can do: the message says what
-        is missed most, and when, and which limits are met; the time limit is over before there is a slew: the message
-        says what was reached.
+        If an argument is invalid, or angle or torque limit are missing; if no torque within the limits is found: the
+        message names the largest violation, its time and the active limits; if the time limit is exceeded before there is
+        a slew: the message names the stage.
     KeyboardInterrupt
         Within two seconds of an interrupt, also while a solver runs.
 
     Warns
     -----
     BoomctlWarning
-        A hub-beam is to turn further than once round: an angle in degrees, it may be.
+        If the angle of a hub-beam exceeds one revolution: it may be in degrees.
 
     Examples
     --------
@@ -254,7 +254,7 @@ def optimal_slew(
 
 @contextmanager
 def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Iterator[SlewDeadline]:
-    """Bound a search and tell of it, by default those who listen to computations; say when time is over."""
+    """Limit the time of a search and report its progress, by default to the listeners of computations."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
     deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda seen: tell(seen.stage)))
@@ -269,7 +269,7 @@ def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None
 
 
 def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
-    """Return the angle asked for [rad], None where it is left free."""
+    """Return the specified angle [rad], None if it is free."""
     if angle_deg is not None:
         if angle is not ...:
             raise ValueError("angle, angle_deg: expected one of them, got both")
@@ -282,9 +282,9 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
 
 
 def _planned(asked: dict[str, Any], problem: SlewProblem, before: Planned | None = None) -> SlewResult:
-    """Plan a slew, from a programme solved before where there is one, and certify it.
+    """Plan a slew, from an earlier nonlinear program if any, and certify it.
 
-    With axial modes, which planning leaves out, switching times are corrected at need.
+    With axial modes, which planning neglects, switching times are corrected if necessary.
     """
     if before is None or before.programme is None or before.solution is None:
         found = _searched(problem)
@@ -309,7 +309,7 @@ def _planned(asked: dict[str, Any], problem: SlewProblem, before: Planned | None
 
 
 def _searched(problem: SlewProblem) -> Candidate:
-    """Find a torque by the first way that leads to one."""
+    """Compute a torque by the first method that succeeds."""
     stages, result, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
@@ -317,9 +317,9 @@ def _searched(problem: SlewProblem) -> Candidate:
             result, ran = least_time_arcs(problem, first)
             stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:
-        extremal = least_time(problem)  # of the linear part: where every other way starts
+        extremal = least_time(problem)  # of the linear part: initial guess of all other methods
         least, stages = extremal.history, (*stages, "linear switching times")
-        if problem.fastest and problem.linear:  # it is the answer: what is left to find is its distance from the bound
+        if problem.fastest and problem.linear:  # already the solution: compute its gap
             gap = time_gap(problem, extremal)
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
             return Candidate(least, "switching times", gap, optimality, stages=stages)
@@ -346,14 +346,14 @@ def replan(
 ) -> SlewResult:
     """Solve a planned slew again with another angle or torque limit, started from its solution.
 
-    A programme is not built anew, which makes it fast; what was planned without one is planned once more.
+    A nonlinear program is reused without building it again; a slew planned without one is planned from scratch.
 
     Parameters
     ----------
     result : SlewResult
-        What `optimal_slew` returned.
+        Result of `optimal_slew`.
     angle, torque_limit : float or None
-        The new angle [rad] and the new limit [N m]; None: as before.
+        New angle [rad] and new limit [N m]. If None, unchanged.
     angle_deg : float, optional
         The new angle in degrees, in place of ``angle``.
     time_limit, progress
@@ -362,12 +362,12 @@ def replan(
     Returns
     -------
     SlewResult
-        The new slew, with a certificate of its own.
+        The new slew, with its certificate.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of result, or an angle that was free or part of given states.
+        If `result` is not planned by `optimal_slew`, or `angle` is given and was free or part of specified states.
     SlewError
         As `optimal_slew`.
 
@@ -386,7 +386,7 @@ def replan(
     """
     before = instance("result", result, SlewResult).plan
     if before is None:
-        raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
+        raise ValueError("result: expected a slew that optimal_slew planned; plan this one again")
     asked = dict(before.asked)
     if angle is not None or angle_deg is not None:
         if before.problem.angle is None or not before.problem.waits:
@@ -399,14 +399,14 @@ def replan(
 
 
 def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) -> SlewResult:
-    """Judge a torque by its replay, and put the result together."""
-    # what is kept of the problem tells nobody
+    """Evaluate a torque by its replay, and build the result."""
+    # the stored problem has no callback
     history, deadline, problem = found.history, problem.deadline, replace(problem, deadline=SlewDeadline())
     motions = found.motions
     assert motions is not None
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
-    if error > max(problem.rtol, SUMMED):  # error of the end, relative, that no tolerance forbids
+    if error > max(problem.rtol, SUMMED):  # rounding error is always accepted
         other = "" if problem.objective == "effort" else ", or the objective 'effort' with a given duration"
         raise SlewError(
             f"the replay ends {error:.1e} off the end state; expected at most {problem.rtol:.1e}. A larger rtol{other} may do"

@@ -1,9 +1,9 @@
 """Minimum time of a nonlinear plant: the durations of a bang-bang torque's arcs, to the accuracy of the integration.
 
-``min sum d_i`` such that the end conditions hold, with the durations d_i of the arcs as only unknowns. Its multipliers give
-the costate; carried back along the motion it gives the switching function, whose sign must be the torque's. Where it is
-not, the torque has too few arcs: linear programmes along the motion then tell how many there are. Of a slew whose second half
-mirrors the first, only that is sought.
+``min sum d_i`` subject to the terminal conditions, with the durations d_i of the arcs as the only unknowns. The multipliers
+give the costate, whose backward propagation gives the switching function. Its sign must be that of the torque; otherwise the
+torque has too few arcs, and linear programs along the motion determine their number. Of a slew whose second half mirrors the
+first, only the first half is computed.
 """
 
 from dataclasses import dataclass, field, replace
@@ -19,30 +19,30 @@ from boomctl.slew.problem import SlewProblem
 from boomctl.slew.replay import Candidate
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
-_GRIDS = (200, 600)  # intervals on which arcs are counted, the next where the switching function is still wrong
-_NEWTON = 40  # steps of Newton's method at most; a safeguard
-_PATIENCE = 5  # steps without nearing the end, as long as it is _FAR
-_FAR = 1e-3  # defect of the scaled end from which Newton's method may still be given up
-_NEARER = 0.7  # factor by which the defect has to fall to count as nearing the end
-_EMPTY = 3e-6  # share of the duration below which an arc is left out; _NOTHING where the end needs it
-_NOTHING = 1e-11  # share of the duration that is rounding
-_FOURTH_ORDER = 15.0  # 2^4 - 1: halved steps change the end by so many times what they leave in error
-_CHORDS = 6  # corrections with derivatives of coarser steps at most: with more Newton's method is as fast
-_SERVES = 0.2  # shrinking of the moves by which a Hessian that is kept still serves
-_SETTLED = 1e-11  # scaled defect of the end, and move over the duration, at which durations are exact: rounding
-_FLAT = 1e-12  # share of the duration that other durations may promise
-_ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong sign promises
-_POSITIVE, _ROOM = 0.8, 0.1  # share of an arc that a move may take away; share of the duration that it may change
-_EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
-_CURVED = 1e-8  # least curvature over the largest: keeps flat directions finite
+_GRIDS = (200, 600)  # intervals on which arcs are counted; the finer grid if the switching function has a wrong sign
+_NEWTON = 40  # Newton steps at most
+_PATIENCE = 5  # Newton steps without sufficient decrease of the residual, as long as it exceeds _FAR
+_FAR = 1e-3  # scaled terminal residual above which Newton's method may be stopped early
+_NEARER = 0.7  # factor of a sufficient decrease of the terminal residual
+_EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _NOTHING if the end conditions require it
+_NOTHING = 1e-11  # fraction of the duration that is rounding error
+_FOURTH_ORDER = 15.0  # 2^4 - 1: ratio of the change of the end by halved steps to their remaining error
+_CHORDS = 6  # corrections with the derivatives of coarser steps at most; Newton's method is as fast beyond
+_SERVES = 0.2  # ratio of successive moves below which the Hessian is reused
+_SETTLED = 1e-11  # scaled terminal residual, and move over the duration, at rounding level
+_FLAT = 1e-12  # predicted decrease over the duration at convergence
+_ENOUGH = 0.1  # predicted time saved by reversing wrong signs of the torque, as a fraction of the tolerance
+_POSITIVE, _ROOM = 0.8, 0.1  # largest fraction of an arc that a move removes; largest move over the duration
+_EXTREMAL = 1e-4  # relative gap above which the torque is assumed to have too few arcs
+_CURVED = 1e-8  # smallest curvature over the largest: bounds moves along flat directions
 
 
 @dataclass(frozen=True, eq=False)
 class _Arcs:
-    """Durations of a bang-bang torque's arcs [s] and the sign of the first; what is known of its optimality.
+    """Durations of a bang-bang torque's arcs [s] and the sign of the first, with data on their optimality.
 
-    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end; the time [s] that
-    other durations promise to save, and that where the switching function has the wrong sign, over the duration.
+    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end; the predicted
+    time [s] saved by other durations, and that by reversing wrong signs of the torque, over the duration.
     """
 
     durations: Array
@@ -62,7 +62,7 @@ class _Arcs:
         return bang_bang(edges[:-1], float(edges[-1]), limit, self.sign)
 
     def without_shortest(self) -> "_Arcs":
-        """Leave out the shortest arc; its neighbors become one."""
+        """Remove the shortest arc and join its neighbors."""
         d, k = self.durations, int(np.argmin(self.durations))
         if k == 0:
             return replace(self, durations=d[1:], sign=-self.sign)
@@ -72,11 +72,11 @@ class _Arcs:
 
 
 def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candidate | None, tuple[str, ...]]:
-    """Lead a bang-bang torque to the end in least time; None where that is no extremal; and what was done.
+    """Compute the minimum-time durations of a bang-bang torque; None if it is not an extremal; and the stages.
 
-    Where the second half of the slew mirrors the first, only that is sought. The gap is the time that the switching
-    function says could be gained where its sign is not the torque's, that the end's defect is worth, and that other
-    durations promise, over the duration.
+    If the second half of the slew mirrors the first, only the first is computed. The gap is the sum of three times over the
+    duration: the time saved by reversing wrong signs of the torque, the time equivalent of the integration error at the end,
+    and the decrease predicted for other durations.
     """
     half = halved(problem)
     ends = end_map(half or problem, first)
@@ -101,7 +101,7 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candida
 
 
 def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorqueProfile | None:
-    """Change the durations of a torque's arcs by what removes a defect of the scaled end; None if an arc would vanish."""
+    """Correct the durations of a torque's arcs for a residual of the scaled end; None if an arc would vanish."""
     arcs = _Arcs.of(history)
     steps = ends.steps(arcs.sign, arcs.durations, _counts(ends, arcs.durations))
     d = arcs.durations - np.linalg.lstsq(ends.sensitivity(steps).by_duration, defect, rcond=None)[0]
@@ -109,7 +109,7 @@ def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorquePro
 
 
 def _refined(ends: EndMap, found: _Arcs) -> Candidate | None:
-    """Halve the steps until the end stays where it is."""
+    """Halve the steps until the terminal state changes by less than the tolerance."""
     tolerance, error, finer = ends.problem.planning_rtol, np.inf, 1
     while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
         finer *= 2
@@ -129,7 +129,7 @@ def _refined(ends: EndMap, found: _Arcs) -> Candidate | None:
 
 
 def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
-    """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; the defect at first."""
+    """Correct the durations for finer steps by the coarser ones' derivatives, or None; return the initial residual too."""
     counts, d, errors = finer * _counts(ends, found.durations), found.durations, []
     for _ in range(_CHORDS):
         ends.problem.deadline.check(f"durations of {d.size} arcs in {counts.sum()} steps", float(d.sum()))
@@ -144,17 +144,17 @@ def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, fl
 
 
 def _counts(ends: EndMap, durations: Array) -> Array:
-    """How many steps each arc is cut into."""
+    """Return the number of steps of every arc."""
     return np.maximum(2, np.ceil(durations * ends.step_frequency)).astype(int)
 
 
 def _shortest(ends: EndMap, d: Array) -> float:
-    """Duration below which an arc is left out; where the end needs every one, only next to nothing is too short."""
+    """Return the duration below which an arc is removed: rounding level if the end conditions require all arcs."""
     return float(d.sum()) * (_EMPTY if d.size >= ends.rows.shape[0] + 2 else _NOTHING)
 
 
 def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
-    """Stationary durations, arcs of no length left out; None where there are too few, or Newton's method fails."""
+    """Return stationary durations without vanishing arcs; None if there are too few arcs or Newton's method fails."""
     while found.durations.size >= ends.rows.shape[0]:
         answer = _newton(ends, found, finer * _counts(ends, found.durations))
         if answer is None or answer.durations.min() > _shortest(ends, answer.durations):
@@ -164,9 +164,9 @@ def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
 
 
 def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
-    """Durations of least sum: Newton's method. An arc that would vanish is returned as it vanishes.
+    """Minimize the sum of the durations by Newton's method; stop when an arc vanishes.
 
-    The Hessian is kept as long as it serves.
+    The Hessian is reused while the moves shrink fast enough.
     """
     size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
     least, patience = np.inf, _PATIENCE
@@ -194,14 +194,14 @@ def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
 
 
 def _moved(d: Array, move: Array) -> Array:
-    """Durations changed by as much of a move as keeps them positive, and changes none by more than a tenth of all."""
+    """Return the durations after a damped move: they remain positive, none changes by more than a tenth of their sum."""
     shrink = float(np.max(np.maximum(-move, 0.0) / d))
     far = float(np.abs(move).max() / d.sum())
     return d + move * min(1.0, _POSITIVE / max(shrink, _POSITIVE), _ROOM / max(far, _ROOM))
 
 
 def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Array, float]:
-    """Changes of the durations that lead to the end, and beside it to the least sum; what the latter promises, s."""
+    """Return the normal step to the end, the tangential step to the least sum, and the decrease predicted for it, s."""
     m, q = slope.shape
     whole, triangle = np.linalg.qr(slope.T, mode="complete")
     onto = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -defect, rcond=1e-14)[0]
@@ -215,10 +215,10 @@ def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Ar
 
 
 def halved(problem: SlewProblem) -> SlewProblem | None:
-    """The way to the middle of a slew whose second half is the mirror image of its first; None where there is none.
+    """Return the first half of a slew whose second half is its mirror image; None if there is no such symmetry.
 
-    Of beams without damping, from rest to rest, ``u(t) = -u(T - t)`` and positions turned about the middle lead back in time
-    as they lead on. The way to T/2 must then end with the positions in the middle, the rates are free.
+    Undamped beams from rest to rest are reversible: ``u(t) = -u(T - t)``, with positions mirrored about the middle. The
+    first half must then end at T/2 with the positions in the middle; the rates are free.
     """
     damped = any(np.any(plant.A[plant.n // 2 :, plant.n // 2 :]) for plant in problem.plants)
     if problem.linear or problem.angle is None or problem.final_speed or damped:
@@ -228,16 +228,16 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
 
 
 def first_half(history: TorqueProfile) -> TorqueProfile:
-    """A torque up to the middle of its duration."""
+    """Return a torque up to the middle of its duration."""
     middle = 0.5 * history.duration
-    # share of a duration by which an edge has to lie before its middle: rounding
+    # an edge counts as before the middle if the distance exceeds rounding error
     inner = history.edges[history.edges < middle * (1.0 - SUMMED)]
     edges = np.append(inner, middle)
     return held(edges, history.start_values[: inner.size])
 
 
 def doubled(history: TorqueProfile) -> TorqueProfile:
-    """A torque that is held on arcs, followed by its negative mirror image."""
+    """Return a torque that is held on arcs, followed by its negative mirror image."""
     widths = np.diff(history.edges)
     edges = np.concatenate([[0.0], np.cumsum(np.concatenate([widths, widths[::-1]]))])
     return held(edges, np.concatenate([history.start_values, -history.start_values[::-1]]))

@@ -1,4 +1,4 @@
-"""A slew by a nonlinear programme: mesh, points and limits are refined until a replay keeps what was asked."""
+"""Slews by nonlinear programming: mesh, points and limits are refined until a replay satisfies the problem."""
 
 from dataclasses import replace
 
@@ -14,28 +14,28 @@ from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem
 from boomctl.slew.replay import Candidate, played, prescribed_error, violation
 from boomctl.slew.torque import TorqueProfile
 
-_TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
-_SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
-_HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
-_POINTS = 3  # collocation points at first, order 6: errors of the end below the tolerance on most meshes (a choice)
+_TOO_MUCH = 0.05  # violation of limits on a mesh above which finer meshes are assumed infeasible too
+_SEARCH = 0.6  # fraction of the time limit for mesh refinement; the rest is for a verified result on a coarser mesh
+_HIGHEST = 9  # collocation points at most, of order 18: beyond, the replay error is not due to the steps
+_POINTS = 3  # initial collocation points, of order 6: terminal error below the tolerance on most meshes
 
 
 def refined(problem: SlewProblem, first: TorqueProfile) -> Candidate:
-    """Solve on the mesh asked for, or on finer ones until halving the intervals changes the cost by little.
+    """Solve on the specified mesh, or on finer ones until halving the intervals changes the cost by less than `MESH_GAP`.
 
-    A mesh too coarse for any slew is passed over. Limits that a mesh exceeds by much, or by no less than a mesh half as fine
-    did, are too tight on any mesh.
+    A mesh without a solution is skipped. Limits are too tight on any mesh if a mesh exceeds them by much, or not by less
+    than a mesh half as fine.
 
     Parameters
     ----------
     problem : SlewProblem
     first : TorqueProfile
-        Where to start.
+        Initial guess.
 
     Raises
     ------
     SlewError
-        If no mesh has a solution that a replay confirms; if the time is over before, the message says what was reached.
+        If no mesh has a solution that a replay confirms.
     """
     if problem.intervals is not None:
         return _compared(problem, _verified(problem, _rough(problem, first, problem.intervals)))
@@ -45,22 +45,22 @@ def refined(problem: SlewProblem, first: TorqueProfile) -> Candidate:
     except OutOfTimeError as over:
         if not solutions:
             raise
-        # a coarser mesh, on which points can be added in the time that is left
+        # a coarser mesh, on which points can be added in the remaining time
         found = _verified(problem, solutions[max(0, len(solutions) - 2)])
         return replace(found, stages=(*solutions[-1].stages, f"out of time: {over}"))
     return _verified(problem, found)
 
 
 def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list[Candidate]) -> Candidate:
-    """Solve on finer and finer meshes; all solutions are entered in a list.
+    """Solve on successively finer meshes; append all solutions to a list.
 
-    A mesh takes twice as long as one half as fine, and is not begun where that is more than what is left.
+    A mesh takes twice as long as one half as fine; it is not started if that exceeds the remaining time.
     """
-    failure, before, took, stages = SlewError("no mesh was tried"), np.inf, 0.0, ()
+    failure, before, took, stages = SlewError("no mesh was solved"), np.inf, 0.0, ()
     limit = problem.deadline.limit
     for intervals in MESHES:
         begun, stages = problem.deadline.elapsed, (*stages, f"collocation on {intervals} intervals")
-        if solutions:  # there is something to fall back on
+        if solutions:  # reserve time for verification
             problem = replace(problem, deadline=replace(problem.deadline, limit=_SEARCH * limit))
         if 2.0 * took > problem.deadline.limit - begun:
             raise OutOfTimeError(stages[-1])
@@ -87,18 +87,18 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
 
 
 def _gap(found: Candidate, other: Candidate) -> float:
-    """Relative change of the cost of a programme."""
+    """Return the relative change of the cost of a nonlinear program."""
     assert found.solution is not None
     assert other.solution is not None
     return abs(found.solution.cost - other.solution.cost) / max(abs(found.solution.cost), 1e-300)
 
 
 def _compared(problem: SlewProblem, found: Candidate) -> Candidate:
-    """Tell how far the cost is from that of a mesh half as fine, or twice as fine where that one allows no slew."""
+    """Set the gap to the change of the cost on a mesh half as fine, or twice as fine if that has no solution."""
     intervals = found.history.start_values.size
     assert found.programme is not None
     points = found.programme.points
-    # on fewer than two intervals an end condition nothing would be left to choose
+    # with fewer than two intervals per end condition no unknowns would remain free
     halved = [(intervals // 2, min(points + 1, _HIGHEST))] if intervals >= 4 * problem.ends.shape[0] else []
     for count, degree in (*halved, (2 * intervals, points)):
         try:
@@ -111,14 +111,14 @@ def _compared(problem: SlewProblem, found: Candidate) -> Candidate:
 
 
 def _rough(problem: SlewProblem, first: TorqueProfile, intervals: int, points: int = _POINTS) -> Candidate:
-    """Solve on a mesh from a first torque; what is not replayed tells its cost, and where to start on the next mesh."""
+    """Solve on a mesh from an initial torque, without a replay: for its cost, and as the start on the next mesh."""
     guess = guess_from(problem, first, intervals, problem.ramps)
     found = solved(problem, prepare(problem, intervals, points, guess), guess, problem.limits)
     return replace(found, stages=(f"collocation on {intervals} intervals",))
 
 
 def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
-    """Add points, and tighten the limits, until a replay meets the end and keeps the limits between the nodes too."""
+    """Add points and tighten the limits until a replay satisfies the end and the limits between the nodes too."""
     found, intervals = rough, rough.history.start_values.size
     assert found.programme is not None
     for points in range(found.programme.points, _HIGHEST + 1):
@@ -129,25 +129,25 @@ def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
         if prescribed_error(problem, found.motions) <= problem.rtol:
             return replace(found, gap=rough.gap, stages=rough.stages)
     raise SlewError(
-        f"intervals = {intervals}: the replay misses the end by more than {problem.rtol:.1e}; more of them, or a larger rtol,"
-        " may help"
+        f"intervals = {intervals}: the replay error at the end is above {problem.rtol:.1e}; use more intervals, or a"
+        " larger rtol"
     )
 
 
 def solved(problem: SlewProblem, programme: Transcription, start: Guess | Solution, limits: Limits) -> Candidate:
-    """Solve a programme."""
+    """Solve a nonlinear program."""
     solution = solve(programme, problem, start, limits)
     return Candidate(solution.history, "collocation", np.inf, "stationary", programme, solution)
 
 
 def within_limits(problem: SlewProblem, found: Candidate) -> Candidate:
-    """Replay the solution of a programme, with limits tightened until the replay keeps them, if it meets the end."""
+    """Replay a solution; while it meets the end but exceeds limits, tighten these and solve again."""
     limits, worst = problem.limits, np.inf
     for _ in range(ROUNDS):
         motions = played(problem, found.history)
         excess = violation(problem, found.history, motions)
         worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
-        # relative, over a limit, in a replay: rounding of the integrator
+        # relative excess at the rounding error of the integrator
         if worst <= ALIKE or prescribed_error(problem, motions) > problem.rtol:
             return replace(found, motions=motions)
         limits = limits.tightened(excess)

@@ -1,10 +1,10 @@
-"""A slew as a nonlinear programme: one stage function, mapped over equal intervals, with its exact derivatives.
+"""A slew as a nonlinear program: one stage function, mapped over equal intervals, with its exact derivatives.
 
-Each interval is integrated by Gauss-Legendre collocation; d points are of order 2 d. The torque is a straight line on it.
+Each interval is integrated by Gauss-Legendre collocation; d points have order 2 d. The torque is linear on it.
 Unknowns, stage after stage: states z_k of all plants, torque u_k, rates at the collocation points; then the last states
 (and torque), the duration and the bound of the tip. All are scaled to about one. Jacobian and Hessian of the Lagrangian
 are assembled from those of one stage, and these, by the chain rule, from those of the equations of motion, which all
-meshes and orders of all plants of a kind share: another mesh costs next to nothing to build.
+meshes and orders of all plants of a kind share: other meshes are inexpensive to build.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ from boomctl.slew.problem import SlewProblem
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where what stands among the unknowns.
+    """Indices of the unknowns.
 
     Attributes
     ----------
@@ -55,25 +55,25 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """A nonlinear programme ready to be solved with any data.
+    """A nonlinear program that can be solved for any data.
 
     Attributes
     ----------
     problem : SlewProblem
-        The one that it was built for; other data may be solved for.
+        The problem it was built for; it can be solved for other data.
     intervals, points : int
-        How many, and collocation points on each.
+        Number of intervals, and of collocation points on each.
     units : Units
     layout : Layout
     nlp : casadi.Function
-        ``(x, p) -> f, g``. Parameters: duration over its unit, then the limits beside the torque's. Conditions: of each
-        stage the defects, which are zero, and the inequalities, which are at most zero; then the end.
+        ``(x, p) -> f, g``. Parameters: scaled duration, then the limits other than the torque's. Conditions: for each
+        stage the defects (= 0) and the inequalities (<= 0); then the end.
     derivatives : dict of str to casadi.Function
-        As options of CasADi's solvers.
+        Derivatives as options of CasADi's solvers.
     defects : int
-        Of a stage.
+        Number of defects of a stage.
     names : tuple of str
-        What the inequalities of a stage are.
+        Names of the inequalities of a stage.
     ends : ndarray, m x n
         Rows of the prescribed end, over scaled states.
     """
@@ -90,12 +90,12 @@ class Transcription:
     ends: Array
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it was made of: a few kilobytes and 0.1 s, in place of megabytes of CasADi functions."""
+        """Pickle the arguments only, a few kilobytes, in place of megabytes of CasADi functions."""
         return transcribe, (self.problem, self.intervals, self.points, self.units)
 
 
 def transcribe(problem: SlewProblem, intervals: int, points: int, units: Units) -> Transcription:
-    """Build the programme of a problem on a mesh of equal intervals, with so many collocation points on each."""
+    """Build the nonlinear program of a problem on a mesh of equal intervals with collocation points on each."""
     N, layout = intervals, _layout(problem, intervals, points)
     stage, local = _stage(problem, intervals, points, units, layout), layout.local
     x, p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 1 + len(problem.limits.beside_torque))
@@ -174,7 +174,7 @@ class _Stage:
 
 
 class _Point:
-    """A place where a stage needs the rates of a plant: its states and torque, and symbols for rates and derivatives."""
+    """A point at which a stage evaluates the rates of a plant: states and torque, and symbols for rates and derivatives."""
 
     def __init__(self, plant: SlewPlant, place: ca.SX, number: int) -> None:
         self.place, (self.kind, self._constants) = place, kind_of(plant)
@@ -183,7 +183,7 @@ class _Point:
         self.hessian = ca.SX.sym(f"hessian{number}", rate_hessian_of(self.kind).sparsity_out(1))
 
     def evaluated(self, equations: Callable[[Kind], ca.Function], place: ca.MX, *more: ca.MX) -> Any:
-        """Return what functions of the kind are at a place; they are called and not expanded."""
+        """Evaluate functions of the kind at a point, by calls that are not expanded."""
         return equations(self.kind)(place[:-1], place[-1], ca.DM(self._constants), *more)
 
 
@@ -248,7 +248,7 @@ def _total_hessian(lagrangian: ca.SX, v: ca.SX, rates: ca.SX, points: Sequence[_
 
 
 def _with_rates(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], values: list[ca.SX]) -> ca.Function:
-    """Return a function of v and p of expressions in which rates at points stand."""
+    """Return a function of v and p from expressions that contain rates at points."""
     inner = ca.Function(name, [v, p, *(item.rates for item in points)], values)
     x, data = inner.mx_in()[:2]
     result = [item.evaluated(rates_of, place) for item, place in _places(v, p, points, x, data)]
@@ -256,7 +256,7 @@ def _with_rates(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], values:
 
 
 def _with_jacobians(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], value: ca.SX) -> ca.Function:
-    """Return a function of v and p of an expression in which rates at points and their Jacobians stand."""
+    """Return a function of v and p from an expression that contains rates at points and their Jacobians."""
     inner = ca.Function(name, [v, p, *(each for item in points for each in (item.rates, item.jacobian))], [value])
     x, data = inner.mx_in()[:2]
     result = [item.evaluated(rate_jacobian_of, place) for item, place in _places(v, p, points, x, data)]
@@ -266,7 +266,7 @@ def _with_jacobians(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], val
 def _with_hessians(
     v: ca.SX, p: ca.SX, points: Sequence[_Point], weight: ca.SX, multipliers: ca.SX, lagrangian: ca.SX, value: ca.SX
 ) -> ca.Function:
-    """Return a function of v, p and multipliers of an expression in which derivatives of the rates by v stand."""
+    """Return a function of v, p and multipliers from an expression that contains derivatives of the rates by v."""
     rates = [item.rates for item in points]
     weights = ca.Function(
         "weights", [v, p, weight, multipliers, *rates], [ca.gradient(lagrangian, item) for item in rates]
@@ -282,14 +282,14 @@ def _with_hessians(
 
 
 def _places(v: ca.SX, p: ca.SX, points: Sequence[_Point], x: ca.MX, data: ca.MX) -> list[tuple[_Point, ca.MX]]:
-    """Return points with their places as functions of v and p."""
+    """Return points with their states and torques as functions of v and p."""
     return list(
         zip(points, ca.Function("places", [v, p], [item.place for item in points]).call([x, data]), strict=True)
     )
 
 
 def _defects(parts: Parts, points: int, units: Units, s: Interval) -> ca.SX:
-    """By how much the next states, and the rates at the collocation points, miss the equations of motion."""
+    """Return the defects of the equations of motion: of the rates at the collocation points and of the next states."""
     u, u1, rule = s.u * units.torque, s.u1 * units.torque, gauss_method(points)
     defects, first = [], 0
     for plant, own in parts:
@@ -305,7 +305,7 @@ def _defects(parts: Parts, points: int, units: Units, s: Interval) -> ca.SX:
 
 
 def _limited(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) -> tuple[ca.SX, tuple[str, ...]]:
-    """What is to be <= 0 at the end of the interval, and of the torque's slope; and what it is called."""
+    """Return the inequalities (<= 0) at the end of the interval and of the torque rate, and their names."""
     pairs = []
     for plant, own in parts:
         for kind in (kind for kind in limits if kind in plant.rows):
@@ -322,7 +322,7 @@ def _limited(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) 
 
 
 def _assembled(rows: list[Array], columns: list[Array], shape: tuple[int, int], entries: ca.MX) -> ca.MX:
-    """A sparse matrix with entries at (rows, columns), those of one place added."""
+    """Return a sparse matrix with entries at (rows, columns); entries with equal indices are added."""
     row = np.concatenate([np.ravel(item) for item in rows]).astype(np.int64)
     column = np.concatenate([np.ravel(item) for item in columns]).astype(np.int64)
     place, inverse = np.unique(column * shape[0] + row, return_inverse=True)
