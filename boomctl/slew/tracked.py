@@ -48,9 +48,7 @@ _SETTLE = 4.0  # default dwell time in slowest periods
 _JUDGED = 1.5  # slowest periods after the end in which the residual vibration is evaluated, as for all slews
 _RESERVE = 1.5  # default torque limit over that of the planning: a minimum-time slew leaves no reserve
 _DISTURBED = 0.1  # default standard deviation of the disturbance torque of the observer, over the torque limit
-_LEAST_WEIGHT = (
-    1e-9  # smallest tracking weight, and inverse of the largest: limits the condition of the Riccati equation
-)
+_LEAST_WEIGHT = 1e-9  # smallest tracking weight, and inverse of the largest: conditioning of the Riccati equation
 _MOST_SAMPLES = 1e5  # samples of a slew at most: limits the memory for the time-varying matrices
 _MOST_RUNS = 100_000  # runs of a study at most: limits its memory
 _KEPT = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")  # stored outputs of all runs
