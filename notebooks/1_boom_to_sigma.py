@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 1. The boom: from the drawing to the sigma plot
+# # 1. Singular values of the spray boom
 #
 # A sprayer drives over a rough field. Its boom is 12 m long and only 2 cm deep, so it swings, and some plants get too
 # much and some too little. Before a controller can help, we need a model. This notebook builds it, compares it with
@@ -58,7 +58,7 @@ boom = bc.spray_boom(p, discretization="finite", elements=6)
 boom
 
 # %% [markdown]
-# **Asked:** do we get the frequencies that are printed in Table 1 of the paper? The platform is held by its
+# **Question:** do we get the frequencies that are printed in Table 1 of the paper? The platform is held by its
 # actuators. The frequencies are those of the damped system, as in the paper.
 
 # %%
@@ -76,16 +76,16 @@ assert np.allclose(computed["finite", 6], published["finite", 6], rtol=1e-4)
 assert np.allclose(computed["discrete-hermite", 6], published["discrete-hermite", 6], rtol=2e-3)
 
 # %% [markdown]
-# **Seen:** the finite elements agree in all printed digits but the last. The discrete elements with Hermitian mass
+# **Result:** the finite elements agree in all printed digits but the last. The discrete elements with Hermitian mass
 # agree to 0.2 %. The third method does not: the fourth frequency is printed as 2.9316 Hz, and we get 2.7451 Hz. We do
 # not know why. We tried several meshes, and none gives the printed value.
 #
-# **Conclude:** the model is the paper's model. The measured first frequency, 0.34 Hz, is far from the 0.245 Hz of the
+# **Conclusion:** the model is the paper's model. The measured first frequency, 0.34 Hz, is far from the 0.245 Hz of the
 # model. We come back to this at the end.
 #
-# ## How it swings
+# ## Mode shapes
 #
-# **Asked:** what do these modes look like? We move the platform with a sine at each frequency and look at how far
+# **Question:** what do these modes look like? We move the platform with a sine at each frequency and look at how far
 # each point of the boom moves. In **yaw** the two actuators move against each other, in **jolt** they move together.
 
 # %%
@@ -104,13 +104,13 @@ axes[0].set_ylabel("displacement, largest = 1")
 plt.show()
 
 # %% [markdown]
-# **Seen:** at 0.244 Hz the boom turns about its hinge and stays almost straight. At 0.586 and at 0.933 Hz boom and
+# **Result:** at 0.244 Hz the boom turns about its hinge and stays almost straight. At 0.586 and at 0.933 Hz boom and
 # cradle move forward and back. The higher modes bend. The modes of yaw and of jolt do not mix, because the machine is
 # symmetric.
 #
-# ## The sigma plot
+# ## Singular values
 #
-# **Asked:** how much does a movement of the platform come out at the tips? The system has two inputs and two outputs,
+# **Question:** how much does a movement of the platform come out at the tips? The system has two inputs and two outputs,
 # so one curve is not enough. At each frequency the *singular values* are the largest and the smallest amplification
 # over all ways in which the two actuators can move together. This is Fig. 3 of the paper.
 
@@ -131,12 +131,12 @@ ax.set(xlim=(0.1, 10), ylim=(1e-3, 5e3), title="Platform to tips; grey lines: me
 plt.show()
 
 # %% [markdown]
-# **Seen:** the largest singular value has a very sharp peak of 2472.8: at 0.245 Hz one millimeter at the platform
+# **Result:** the largest singular value has a very sharp peak of 2472.8: at 0.245 Hz one millimeter at the platform
 # becomes more than two meters at the tips. It belongs to the yaw; the largest peak of the jolt is 49.7.
 #
-# **Conclude:** a suspension must first of all damp the yaw. And six elements are enough up to about 5 Hz.
+# **Conclusion:** a suspension must first of all damp the yaw. And six elements are enough up to about 5 Hz.
 #
-# ## Why "certified" matters
+# ## Certified peak
 #
 # The peak is so narrow that a usual frequency grid steps over it. boomctl does not trust a grid: it proves that no
 # frequency has a larger value. We compare with the grid that python-control chooses.
@@ -149,7 +149,7 @@ print(
 )
 
 # %% [markdown]
-# ## A measured curve over it
+# ## Comparison with a measurement
 #
 # The paper shows its measured curve as a picture only, so we make one here to show how it is done. The "real" boom
 # below has springs that are stiff enough for a yaw at the measured 0.34 Hz, and the measured values carry 10 % noise.
@@ -178,7 +178,7 @@ ax.set(xlim=(0.1, 10), ylim=(1e-3, 5e3), title="Model and synthetic measurement"
 plt.show()
 
 # %% [markdown]
-# **Seen:** the peaks of the measurement lie to the right of the model's, and not only the peak of the yaw. How far do
+# **Result:** the peaks of the measurement lie to the right of the model's, and not only the peak of the yaw. How far do
 # the others move when stiffer springs have to explain 0.34 Hz?
 
 # %%
@@ -192,7 +192,7 @@ assert abs(shifted[0] - 0.34) < 0.005
 assert shifted[2] > 1.4 * measured[2]
 
 # %% [markdown]
-# **Conclude:** springs of 2375 N/m put the yaw right, but they move the third frequency to 1.310 Hz, and 0.88 Hz was
+# **Conclusion:** springs of 2375 N/m put the yaw right, but they move the third frequency to 1.310 Hz, and 0.88 Hz was
 # measured. With the springs of Table 2 the second and the third frequency, 0.586 and 0.933 Hz, are within 6 % of the
 # measured ones. So stiffer springs alone do not explain the measured 0.34 Hz. Something else must hold the yaw back,
 # for instance friction in the hinge or a hose. A controller must therefore stand uncertain springs; notebook 3 comes

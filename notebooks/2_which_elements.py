@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 2. Which elements, and how many?
+# # 2. Mesh selection
 #
 # A beam has infinitely many degrees of freedom, a computer has not. We must cut the beam into elements. This notebook
 # asks which kind of element to take and how many, and it answers with two numbers for each choice: the **error** and
@@ -42,7 +42,7 @@ exact_hz = bc.exact_eigenfrequencies_hz(p, 5)
 # %% [markdown]
 # ## Error of the frequencies
 #
-# **Asked:** how fast do the first five damped eigenfrequencies come right when we take more elements?
+# **Question:** how fast do the first five damped eigenfrequencies come right when we take more elements?
 
 # %%
 counts = [6, 10, 20, 40, 80, 160, 320]
@@ -89,7 +89,7 @@ assert errors["finite"].max(axis=1)[0] < 0.005
 assert errors["high-order"].max(axis=1)[9] < 1e-8
 
 # %% [markdown]
-# **Seen:**
+# **Result:**
 # * Six finite elements are right to 0.4 %, which is more than enough for a first look. Twenty are right to 0.0033 %.
 # * Discrete elements with Hermitian mass are as good. With geometrical mass they are far worse: 22 % with six
 #   elements and still 1.9 % with twenty, which is what the paper used.
@@ -98,11 +98,11 @@ assert errors["high-order"].max(axis=1)[9] < 1e-8
 # * Four elements of high order gain a factor of about thirty with each order. This is called *exponential
 #   convergence*.
 #
-# **Conclude:** do not take point masses. For a few digits take finite elements, for many take a high order.
+# **Conclusion:** do not take point masses. For a few digits take finite elements, for many take a high order.
 #
 # ## Error of the frequency response
 #
-# A controller does not see eigenfrequencies, it sees a frequency response. **Asked:** how far are the singular values
+# A controller does not see eigenfrequencies, it sees a frequency response. **Question:** how far are the singular values
 # from the exact ones, over frequency?
 
 # %%
@@ -126,16 +126,16 @@ ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()
 
 # %% [markdown]
-# **Seen:** the error has peaks where the response has peaks. A lightly damped peak is very narrow: yaw has a damping
+# **Result:** the error has peaks where the response has peaks. A lightly damped peak is very narrow: yaw has a damping
 # ratio of 0.14 %. If its frequency is wrong by 0.36 %, the peak stands beside the true one, and the error at the true
 # one is more than 100 %. The height of the peak is right all the same.
 #
-# **Conclude:** six elements show the right picture up to 5 Hz, twenty give it to less than 1 % there, peaks included.
+# **Conclusion:** six elements show the right picture up to 5 Hz, twenty give it to less than 1 % there, peaks included.
 # For a controller with a bandwidth of a few hertz, ten to twenty elements do.
 #
-# ## Run time against error
+# ## Run time and error
 #
-# **Asked:** what does the accuracy cost? For each choice we measure the time of one whole computation: build the
+# **Question:** what does the accuracy cost? For each choice we measure the time of one whole computation: build the
 # model, and compute the singular values at 400 frequencies. The error is the largest one up to 5 Hz, where a
 # suspension works. Times are the best of five runs on one core; on your machine they are different, but their ratios
 # stay.
@@ -170,10 +170,10 @@ ax.legend()
 plt.show()
 
 # %% [markdown]
-# **Seen:** high order is best: nine digits cost as much time as two. Many point masses are slow and never become
+# **Result:** high order is best: nine digits cost as much time as two. Many point masses are slow and never become
 # accurate. The exact beam is even faster than a mesh, and it has no error.
 #
-# **Conclude:**
+# **Conclusion:**
 #
 # | you want | take |
 # |---|---|

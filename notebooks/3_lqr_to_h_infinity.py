@@ -38,12 +38,12 @@ sensors = ["stroke_anti", "tip_acceleration_anti"]
 yaw
 
 # %% [markdown]
-# ## First step: a smaller model, and a look at its error
+# ## Model reduction
 #
 # A controller has as many states as the plant it is designed on. So we make the plant small first. Numbers in meters
 # and newtons are of very different size; `scales` are the amounts that count as one.
 #
-# **Asked:** how many states are enough up to 80 rad/s (13 Hz)?
+# **Question:** how many states are enough up to 80 rad/s (13 Hz)?
 
 # %%
 scales = {disturbance: 0.03, control: 150.0, tip: 0.2, "stroke_anti": 0.05, "tip_acceleration_anti": 0.5}
@@ -59,19 +59,19 @@ assert small.error_norm < 1e-2 * peak_scaled
 plt.show()
 
 # %% [markdown]
-# **Seen:** four states are useless: the error is nearly as large as the peak of the model itself. With twelve states
+# **Result:** four states are useless: the error is nearly as large as the peak of the model itself. With twelve states
 # the error is a thousandth of the peak. But the picture also shows: between the peaks the error is almost as large as
 # the response itself.
 #
-# **Conclude:** take twelve. And remember the error: a controller that is designed on the small model must be checked
+# **Conclusion:** take twelve. And remember the error: a controller that is designed on the small model must be checked
 # on the full one. Everything below is.
 #
-# ## LQR: what would be possible
+# ## LQR
 #
 # The regulator `u = -F x` makes the integral of `tip² + r · force²` as small as possible. The only question is the
 # weight `r`.
 #
-# **Asked:** what does a larger force buy? We try many weights and draw the trade-off.
+# **Question:** what does a larger force buy? We try many weights and draw the trade-off.
 
 # %%
 G = small.system
@@ -101,16 +101,16 @@ ax.set(
 plt.show()
 
 # %% [markdown]
-# **Seen:** from r = 1e+04 to r = 10 the tip motion falls from 108.51 to 3.46, and the force rises only from 779 to
+# **Result:** from r = 1e+04 to r = 10 the tip motion falls from 108.51 to 3.46, and the force rises only from 779 to
 # 915 N/m. Below r = 0.1 force is spent for almost nothing. The curve has kinks because LQR minimizes a mean, and we
 # draw peaks.
 #
 # The return difference is never below 1. This is Kalman's inequality: such a loop has a phase margin of at least 60
 # degrees, whatever the weights.
 #
-# **Conclude:** little force would be enough, if all states were measured. They are not.
+# **Conclusion:** little force would be enough, if all states were measured. They are not.
 #
-# ## LQG and H-infinity: with sensors
+# ## LQG and H-infinity
 #
 # Now the controller reads two sensors. Both methods need a *generalized plant*: a list of what comes in, what shall
 # be small, what is measured and what can be done. Each entry has a weight, for the scaled signals.
@@ -142,7 +142,7 @@ print(hinf.certificate.summary)
 # The H-infinity result carries a proof: a norm that was verified apart from the solver, and a bound that no
 # controller can beat. There is less than one per cent between them.
 #
-# **Asked:** what do the two do on the *full* model, not on the small one?
+# **Question:** what do the two do on the *full* model, not on the small one?
 
 # %%
 controllers = {"LQG": lqg.controller, "H-infinity": hinf.controller}
@@ -159,16 +159,16 @@ assert curves["H-infinity"].peak < curves["LQG"].peak < curves["passive"].peak /
 plt.show()
 
 # %% [markdown]
-# **Seen:** both take the peak of the yaw away. LQG leaves 11.27, at the bending mode near 2.8 Hz. H-infinity makes
+# **Result:** both take the peak of the yaw away. LQG leaves 11.27, at the bending mode near 2.8 Hz. H-infinity makes
 # the highest point as low as it can, so its curve is flat: 9.39. The passive boom has 2459.94. At very low frequency
 # nothing can be gained, because the boom has to follow a platform that turns.
 #
-# **Conclude:** against a peak take H-infinity, against a mean take LQG. Just above the peak, up to 1 Hz, both are
+# **Conclusion:** against a peak take H-infinity, against a mean take LQG. Just above the peak, up to 1 Hz, both are
 # worse than the passive boom: what is gained in one place is paid for in another.
 #
 # ## Margins
 #
-# **Asked:** how far may the real machine differ from the model? The *disk margin* alpha allows gain and phase to
+# **Question:** how far may the real machine differ from the model? The *disk margin* alpha allows gain and phase to
 # change together; 0 is no margin, 2 is the most. The column `delay` says how late the signal may come.
 
 # %%
@@ -180,16 +180,16 @@ side_by_side.plot(signals=[control, "stroke_anti"])
 plt.show()
 
 # %% [markdown]
-# **Seen:** at the actuator (`suspension_anti`) H-infinity allows 1.545 times the gain, 39.55 degrees and a delay of
+# **Result:** at the actuator (`suspension_anti`) H-infinity allows 1.545 times the gain, 39.55 degrees and a delay of
 # 0.08849 s; its disk margin is 0.428, that of LQG 0.371. In the picture the Nyquist curves stay outside the disks.
 # With all sensors and the actuator wrong at once (`multiloop_io`), only 5 % remain.
 #
-# **Conclude:** both are good enough, none is generous. LQG has no guaranteed margin at all; here it has one by luck
+# **Conclusion:** both are good enough, none is generous. LQG has no guaranteed margin at all; here it has one by luck
 # and by weights.
 #
-# ## The trade-off
+# ## Trade-off
 #
-# **Asked:** why this weight of the effort and not another? We change it and look at three things: the peak, the disk
+# **Question:** why this weight of the effort and not another? We change it and look at three things: the peak, the disk
 # margin at the actuator, and the worst peak when the springs are uncertain by 30 % and the beam's mass by 20 %.
 
 # %%
@@ -208,14 +208,14 @@ assert np.isinf(trade[0.2][3])
 assert np.isfinite(trade[2.0][3])
 
 # %% [markdown]
-# **Seen:** a cheap control (effort 0.2) has the smallest gamma, 0.76, and it is a disaster: on the full model its
+# **Result:** a cheap control (effort 0.2) has the smallest gamma, 0.76, and it is a disaster: on the full model its
 # peak is 247, its margin 0.01, and within the uncertainty it is unstable (`inf`). A dear control (effort 20) is safe
 # and does little.
 #
-# **Conclude:** gamma alone says nothing, because it depends on the weights. Effort 2 has the lowest peak, 9.4, and
+# **Conclusion:** gamma alone says nothing, because it depends on the weights. Effort 2 has the lowest peak, 9.4, and
 # stays stable over the whole uncertainty, where its peak can grow to 26.4.
 #
-# ## A proof for the uncertain machine
+# ## Robust stability
 #
 # The worst peak above is the largest one that was found. `worst_case` also proves that no machine in the box is worse by
 # more than a thousandth. Stability, too, can be *proved* for the whole box of springs and masses:
@@ -226,12 +226,12 @@ print(proof.summary)
 assert proof.proved
 
 # %% [markdown]
-# ## In a computer: sampled and late
+# ## Sampling and delay
 #
 # A computer reads the sensors every few milliseconds and answers a little later. The margins said how late: 0.0885 s
 # at the actuator.
 #
-# **Asked:** is that true? We drive over a rough track (class E, 3 m/s) and let the force come later and later.
+# **Question:** is that true? We drive over a rough track (class E, 3 m/s) and let the force come later and later.
 
 # %%
 track = bc.iso_track("E", 130.0, seed=1)
@@ -254,13 +254,13 @@ assert rms["80 ms late"] < 0.5 * rms["passive"] < rms["140 ms late"]
 plt.show()
 
 # %% [markdown]
-# **Seen:** with 2 ms and with 80 ms the loop is stable: the tip moves 13.4 and 13.8 mm RMS, passive 48.9 mm. With 140
+# **Result:** with 2 ms and with 80 ms the loop is stable: the tip moves 13.4 and 13.8 mm RMS, passive 48.9 mm. With 140
 # ms it swings up at 2.8 Hz: the bending mode, not the yaw.
 #
-# **Conclude:** the margin told the truth. A delay does its harm at high frequency, here at the first mode that nobody
+# **Conclusion:** the margin told the truth. A delay does its harm at high frequency, here at the first mode that nobody
 # wanted to control.
 #
-# **Asked:** how slow may the computer be? boomctl refuses a sampling time that the controller's own poles do not
+# **Question:** how slow may the computer be? boomctl refuses a sampling time that the controller's own poles do not
 # allow, and it says why:
 
 # %%
@@ -286,7 +286,7 @@ for name, found in {"continuous": bc.margins(yaw, K_slow), "sampled": sampled}.i
     )
 
 # %% [markdown]
-# **Conclude:** after the fast poles are gone, a computer that samples every 20 ms does nearly the same: 13.5 mm. The
+# **Conclusion:** after the fast poles are gone, a computer that samples every 20 ms does nearly the same: 13.5 mm. The
 # verified norm rose from 1.355 to 1.393.
 # `bc.margins` of the loop as it is sampled says why: the disk margin stays at 0.356, and of the delay margin of 0.1045 s
 # the 20 ms and half a sample are gone.

@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 4. What the spray on the field looks like
+# # 4. Spray distribution on the field
 #
 # A farmer does not ask for singular values. He asks whether every plant gets its dose. This notebook goes the whole
 # way: from the ground under the wheels to a map of the spray.
@@ -39,7 +39,7 @@ actuators, tips = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
 # ## Tracks
 #
 # ISO 8608 sorts roads by roughness. Class A is a motorway, C a bad road, E a rough field track; each class is twice
-# as high as the one before. **Asked:** what does a tractor make of them? It has four wheels, and it rolls and turns
+# as high as the one before. **Question:** what does a tractor make of them? It has four wheels, and it rolls and turns
 # when left and right differ.
 
 # %%
@@ -52,9 +52,9 @@ for road_class in "CDE":
     )
 
 # %% [markdown]
-# ## One run
+# ## A simulation
 #
-# **Asked:** how do the tips move on class E at 3 m/s? Lightly damped modes need time to build up. So we drive for 60
+# **Question:** how do the tips move on class E at 3 m/s? Lightly damped modes need time to build up. So we drive for 60
 # s before we look, and for 60 s more.
 
 # %%
@@ -69,13 +69,13 @@ run.plot(outputs=["tip_left", "tip_right"])[-1].set_xlim(60.0, 90.0)
 plt.show()
 
 # %% [markdown]
-# **Seen:** the platform moves by one or two centimeters, nearly all of it jolt. The tips move up to ten times as far,
+# **Result:** the platform moves by one or two centimeters, nearly all of it jolt. The tips move up to ten times as far,
 # and more slowly. From 61 to 64 s they move nearly together (jolt), from 77 to 80 s against each other (yaw): the yaw
 # needs little to be excited, and it goes on for long.
 #
 # ## From motion to dose
 #
-# **Asked:** what does that leave on the field, and who is to blame, jolt or yaw?
+# **Question:** what does that leave on the field, and who is to blame, jolt or yaw?
 
 # %%
 late = run.time >= warmup_time
@@ -94,7 +94,7 @@ plt.show()
 assert abs(whole.cv - 0.0314) < 2e-4
 
 # %% [markdown]
-# **Seen:** the CV is 3.14 %; the jolt alone leaves 2.75 %, the yaw alone 1.50 %. Spots of too much and of too little
+# **Result:** the CV is 3.14 %; the jolt alone leaves 2.75 %, the yaw alone 1.50 %. Spots of too much and of too little
 # follow each other at the tips, and the middle of the boom stays even. Field runs in the literature gave some 4 or 5
 # % (Ooms et al. 2003).
 #
@@ -102,12 +102,12 @@ assert abs(whole.cv - 0.0314) < 2e-4
 # 5.69 %, nearly twice too large, because in jolt the middle hardly moves. So let the model read all nozzles
 # (`nozzles=`).
 #
-# **Conclude:** the yaw has by far the largest peak of the sigma plot (notebook 1), but on this track the jolt does
+# **Conclusion:** the yaw has by far the largest peak of the sigma plot (notebook 1), but on this track the jolt does
 # more harm. Judge a suspension by both.
 #
-# ## Which speed?
+# ## Driving speed
 #
-# **Asked:** does it help to drive faster or slower? We drive over four tracks of class E at each speed.
+# **Question:** does it help to drive faster or slower? We drive over four tracks of class E at each speed.
 
 # %%
 speeds = np.arange(1.0, 6.01, 0.5)
@@ -140,15 +140,15 @@ for speed, line in zip(speeds, 100 * cv[0], strict=True):
 plt.show()
 
 # %% [markdown]
-# **Seen:** walking speed is worst, 5.07 %, because the dose feels the speed of the nozzle *over* the driving speed.
+# **Result:** walking speed is worst, 5.07 %, because the dose feels the speed of the nozzle *over* the driving speed.
 # Faster, the CV lies between 2.28 and 4.16 %, with a peak at 2.5 m/s, and above 4 m/s it mostly falls. One track alone
 # may differ by nearly a half from the mean of four: at 1 m/s the worst leaves 7.43 %.
 #
-# **Conclude:** do not compare suspensions at one speed on one track only.
+# **Conclusion:** do not compare suspensions at one speed on one track only.
 #
 # ## Two dampers
 #
-# **Asked:** what can be done without electronics? We put a stronger damper into the hinge (against yaw) and into the
+# **Question:** what can be done without electronics? We put a stronger damper into the hinge (against yaw) and into the
 # cradle (against jolt).
 
 # %%
@@ -174,12 +174,12 @@ for name in (before, after):
 plt.show()
 
 # %% [markdown]
-# **Seen:** a damper in the hinge brings the verified peak from 2459.9 down to 48.8, and the CV only from 3.14 to
+# **Result:** a damper in the hinge brings the verified peak from 2459.9 down to 48.8, and the CV only from 3.14 to
 # 2.77 %. A stronger damper in the cradle brings it to 2.72 %. Both together give 2.29 %, with less stroke.
 #
-# ## The trade-off
+# ## Trade-off
 #
-# **Asked:** what does an even spray cost? A suspension needs room to move: its stroke. `bc.sweep` calls a function at
+# **Question:** what does an even spray cost? A suspension needs room to move: its stroke. `bc.sweep` calls a function at
 # many points, here each of two springs with each of four dampers in the cradle, and returns a table.
 
 
@@ -212,18 +212,18 @@ ax.legend()
 plt.show()
 
 # %% [markdown]
-# **Seen:** the strongest damper needs less than a quarter of the room of the weakest, and with it soft springs are
+# **Result:** the strongest damper needs less than a quarter of the room of the weakest, and with it soft springs are
 # worth little: the CV is 2.43 or 2.60 %. Between them each spring has a damper that is best. For the springs of the
 # machine it is 500 N s/m, with a CV of 2.29 %. For springs half as stiff it is 160 N s/m, with 1.54 % and 24.7 mm of
 # stroke.
 #
-# **Conclude:** choose the damper with the spring, and both with the room that there is. Dampers are cheap, use them
+# **Conclusion:** choose the damper with the spring, and both with the room that there is. Dampers are cheap, use them
 # first. The tuned passive suspension in `designs/passive_tuning.py` also has softer springs; an active one (notebook 3,
 # for yaw and jolt together) does best. The README compares them.
 #
-# ## Test it as in a laboratory: a sine sweep
+# ## Sine sweep
 #
-# In the laboratory of the paper two hydraulic cylinders shook the platform. **Asked:** what would one see there? The
+# In the laboratory of the paper two hydraulic cylinders shook the platform. **Question:** what would one see there? The
 # actuators move against each other by 1 mm, at a frequency that runs from 0.1 to 5 Hz in five minutes.
 
 # %%
@@ -243,10 +243,10 @@ print(f"largest motion {1e3 * np.abs(tip).max():.0f} mm when the sweep is at {lo
 plt.show()
 
 # %% [markdown]
-# **Seen:** the largest motion is 103 mm, and it comes at 0.299 Hz, too late. The yaw needs minutes to build up and
+# **Result:** the largest motion is 103 mm, and it comes at 0.299 Hz, too late. The yaw needs minutes to build up and
 # minutes to ring down, and the sweep has long gone on. In a steady state the tip would move by 2460 mm (linear
 # model).
 #
-# **Conclude:** a lightly damped mode cannot be measured by a quick sweep: peak and frequency both come out wrong.
+# **Conclusion:** a lightly damped mode cannot be measured by a quick sweep: peak and frequency both come out wrong.
 # This is one more thing to think of when the measured frequency of the yaw (notebook 1) is higher than the computed
 # one.

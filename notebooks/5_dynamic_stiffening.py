@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 5. Dynamic stiffening: which beam model when?
+# # 5. Dynamic stiffening
 #
 # A robot arm, a helicopter blade, an antenna on a satellite: a flexible beam on a hub that turns. When it turns, the
 # centrifugal force pulls the beam straight, and it becomes *stiffer*. The usual linear model gets this wrong, and it
@@ -41,7 +41,7 @@ q
 # %% [markdown]
 # ## Campbell diagram
 #
-# **Asked:** how do the frequencies of the beam change with the speed of the hub? The picture is called a Campbell
+# **Question:** how do the frequencies of the beam change with the speed of the hub? The picture is called a Campbell
 # diagram. The grey lines are once, twice, three times the speed: where they cross a frequency, an unbalance excites
 # it. These critical speeds have circles.
 
@@ -70,7 +70,7 @@ for speed in (5.0, 10.0):
 plt.show()
 
 # %% [markdown]
-# **Seen:** with FOAM and with the exact beam all frequencies rise with speed: the beam stiffens. The traditional
+# **Result:** with FOAM and with the exact beam all frequencies rise with speed: the beam stiffens. The traditional
 # model (`tlam`) says the opposite. Its first frequency falls to zero at a *critical speed*, where the beam would lose
 # all its stiffness. No such thing happens in reality.
 #
@@ -85,12 +85,12 @@ for mass, value in bc.rotating_beam.published.CRITICAL_SPEEDS.items():
     assert abs(critical - value) < 0.03
 
 # %% [markdown]
-# **Seen:** the critical speeds are those of the paper: 2.911, 2.604 and 1.936 rad/s. With 0.5 kg the paper has 1.91;
+# **Result:** the critical speeds are those of the paper: 2.911, 2.604 and 1.936 rad/s. With 0.5 kg the paper has 1.91;
 # more modes only lower our value to 1.936, so 1.91 may be a slip of the pen for 1.94.
 #
 # ## Spin-up
 #
-# **Asked:** does it matter in time? The hub goes from rest to 2.8 rad/s in 30 s, and then it keeps its speed (Fig. 5
+# **Question:** does it matter in time? The hub goes from rest to 2.8 rad/s in 30 s, and then it keeps its speed (Fig. 5
 # of the paper).
 
 # %%
@@ -118,16 +118,16 @@ for ax, speed in zip(axes, (2.8, 3.0), strict=True):
 plt.show()
 
 # %% [markdown]
-# **Seen:** at 2.8 rad/s, just below its critical speed, the traditional model gives 0.4792 m, all others 0.204 m
+# **Result:** at 2.8 rad/s, just below its critical speed, the traditional model gives 0.4792 m, all others 0.204 m
 # (paper: 0.49 and 0.22 m). At 3 rad/s it runs away; boomctl lets it, and says from when on the result means nothing:
 # after 22.1 s. SFOAM, FOAM, CFOAM and the exact beam cannot be told apart in the picture.
 #
-# **Conclude:** first-order stiffening is necessary, and it is enough here. SFOAM has it at the lowest cost, fifty
+# **Conclusion:** first-order stiffening is necessary, and it is enough here. SFOAM has it at the lowest cost, fifty
 # times less than the exact beam, or better.
 #
 # ## A torque on the hub
 #
-# **Asked:** and where does first-order stiffening end? Now a torque drives the hub: one period of a sine, 10 s long
+# **Question:** and where does first-order stiffening end? Now a torque drives the hub: one period of a sine, 10 s long
 # (Eq. (44) of the paper). We raise it until the beam bends by a quarter of its length.
 
 # %%
@@ -155,12 +155,12 @@ assert table[400.0]["cfoam"] > 1.3 * table[400.0]["geometrically-exact"]
 plt.show()
 
 # %% [markdown]
-# **Seen:** up to 100 N m SFOAM and FOAM agree with the exact beam to 2 %; CFOAM is 10 % off already. At 400 N m,
+# **Result:** up to 100 N m SFOAM and FOAM agree with the exact beam to 2 %; CFOAM is 10 % off already. At 400 N m,
 # where the tip goes a quarter of the length aside (1.966 m), FOAM leaves 0.4904 m and the exact beam 0.4716 m: 4 %
 # apart. CFOAM, which keeps "all" terms, leaves 0.6705 m and is 42 % off! It keeps the fourth-order terms of the
 # kinetic energy, but not those of the bending energy. Half of a correction can be worse than none.
 #
-# **Conclude:**
+# **Conclusion:**
 #
 # | your beam | take |
 # |---|---|
@@ -169,9 +169,9 @@ plt.show()
 # | bends by more | `"geometrically-exact"` |
 # | CFOAM | only to compare with papers |
 #
-# ## Energy
+# ## Energy and angular momentum
 #
-# **Asked:** is there a simple test of a model? Yes: without torque, energy and angular momentum must stay. We let the
+# **Question:** is there a simple test of a model? Yes: without torque, energy and angular momentum must stay. We let the
 # bent beam go, hub free.
 
 # %%
@@ -186,7 +186,7 @@ for name in ("sfoam", "sfoam-consistent", "foam"):
     print(f"{name:17} energy changes by {drift:.1e}, angular momentum by {np.ptp(run.angular_momentum) / 200:.1e}")
 
 # %% [markdown]
-# **Seen:** SFOAM as it is printed in the paper loses 1.6e-04 of its energy in five seconds, because it leaves a term
+# **Result:** SFOAM as it is printed in the paper loses 1.6e-04 of its energy in five seconds, because it leaves a term
 # out of the hub's equation. The consistent variant and FOAM keep it to rounding.
 #
-# **Conclude:** if a simulation runs for long without damping, take `"sfoam-consistent"`: it costs the same.
+# **Conclusion:** if a simulation runs for long without damping, take `"sfoam-consistent"`: it costs the same.

@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 6. Fastest slews
+# # 6. Minimum-time slews
 #
 # A motor turns a hub with a flexible arm of 8 m by a quarter turn. It has 200 N m. At the end the arm shall stand
 # still, tip and all. How fast can it be done? And what happens when the load at the tip is not the one that was
@@ -30,9 +30,9 @@ quarter, limit = np.pi / 2, 200.0
 h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
 
 # %% [markdown]
-# ## The fastest torque
+# ## Minimum-time torque
 #
-# **Asked:** which torque turns the hub in the least time? A rigid body would be pushed with all force until half way
+# **Question:** which torque turns the hub in the least time? A rigid body would be pushed with all force until half way
 # and then braked: *bang-bang*.
 
 # %%
@@ -45,16 +45,16 @@ fastest.plot()
 plt.show()
 
 # %% [markdown]
-# **Seen:** the flexible arm takes 3.0278 s, a rigid body would take 2.7943 s. The torque is bang-bang too, but it
+# **Result:** the flexible arm takes 3.0278 s, a rigid body would take 2.7943 s. The torque is bang-bang too, but it
 # changes its sign five times and not once. Half way the hub slows down and is pushed again, so that the arm has time
 # to swing through from one side to the other. Tip and root come to rest exactly when the hub does.
 #
-# **Conclude:** to leave no vibration costs 8 % of time. The certificate says that the conditions of Pontryagin hold.
+# **Conclusion:** to leave no vibration costs 8 % of time. The certificate says that the conditions of Pontryagin hold.
 # They are necessary, not sufficient, because the model is not linear; of a linear model boomctl proves the optimum.
 #
-# ## Other ways to do it
+# ## Comparison with other torques
 #
-# **Asked:** what do simpler torques leave? `compare_slews` plays them on the same beam: bang-bang of the rigid body,
+# **Question:** what do simpler torques leave? `compare_slews` plays them on the same beam: bang-bang of the rigid body,
 # smooth torques, and input shapers (ZV, ZVD, EI), which repeat a command half a period later so that the two
 # vibrations cancel. It also makes the beam ten per cent softer or stiffer.
 
@@ -70,16 +70,16 @@ comparison.plot()
 plt.show()
 
 # %% [markdown]
-# **Seen:** the rigid body's bang-bang leaves a swing of 3.63 m. A shaped one (ZV) leaves 0.0673 m, and takes 3.882 s.
+# **Result:** the rigid body's bang-bang leaves a swing of 3.63 m. A shaped one (ZV) leaves 0.0673 m, and takes 3.882 s.
 # The fastest slew leaves nothing. But if the beam is 10 % softer or stiffer, it leaves 1.661 or 1.232 m; ZV leaves
 # 0.750 or 0.410 m, and ZVD 0.102 or 0.054 m.
 #
-# **Conclude:** the faster the plan, the more it leans on its model. If you do not know the frequencies within a few
+# **Conclusion:** the faster the plan, the more it leans on its model. If you do not know the frequencies within a few
 # per cent, take a slower plan, or feedback.
 #
-# ## Does it hold on a better model?
+# ## Replay on other models
 #
-# **Asked:** the plan was made on a simple model with two modes. What does it do on others? Each slew is replayed by
+# **Question:** the plan was made on a simple model with two modes. What does it do on others? Each slew is replayed by
 # another integrator, on FOAM and on the geometrically exact beam.
 
 # %%
@@ -94,15 +94,15 @@ played = more.simulate(fastest.torque_profile, after)
 print(f"{'sfoam, 5 modes':20} tip swings by {1e3 * np.abs(played.tip_displacement).max():6.2f} mm")
 
 # %% [markdown]
-# **Seen:** on FOAM the tip swings by 0.43 mm afterwards, on the exact beam by 22.04 mm, and with five modes by 3.56
+# **Result:** on FOAM the tip swings by 0.43 mm afterwards, on the exact beam by 22.04 mm, and with five modes by 3.56
 # mm. This is little beside 3.63 m, and more than the planner's zero.
 #
-# **Conclude:** a residual of the planning model is not what the machine will do. Replay a plan on the best model that
+# **Conclusion:** a residual of the planning model is not what the machine will do. Replay a plan on the best model that
 # you have.
 #
-# ## A wrong payload
+# ## Unknown payload
 #
-# **Asked:** and if another load hangs at the tip? We play three plans with loads from 0 to 0.2 kg: the fastest one,
+# **Question:** and if another load hangs at the tip? We play three plans with loads from 0 to 0.2 kg: the fastest one,
 # one of least effort in 4.5 s, and one that was planned for 0, 0.1 and 0.2 kg at once.
 
 # %%
@@ -117,14 +117,14 @@ loaded.plot(names=list(plans))
 plt.show()
 
 # %% [markdown]
-# **Seen:** the fastest plan leaves up to 1.293 m when the load is wrong, least effort up to 0.525 m. The plan that
+# **Result:** the fastest plan leaves up to 1.293 m when the load is wrong, least effort up to 0.525 m. The plan that
 # knows of three loads leaves at most 0.022 m, also between these loads.
 #
-# **Conclude:** this robustness costs 2.33 times the effort in the same time, and it costs no sensor.
+# **Conclusion:** this robustness costs 2.33 times the effort in the same time, and it costs no sensor.
 #
-# ## Feedback along the plan
+# ## Tracking with feedback
 #
-# **Asked:** what if the torque may also react? The fastest plan uses all the torque there is, so we plan with 140 of
+# **Question:** what if the torque may also react? The fastest plan uses all the torque there is, so we plan with 140 of
 # the 200 N m. `track` uses the plan as feedforward and adds a time-varying LQG that holds the beam to it. It reads an
 # encoder, a gyro and strain gauges at the root, with their noise, and does not know what load hangs at the tip.
 
@@ -144,14 +144,14 @@ for mass in (0.1, 0.2, 0.3):
     print(f"{mass:6.1f} kg {left[0]:18.4f} m {left[1]:22.4f} m {left[2]:13.4f} m")
 
 # %% [markdown]
-# **Seen:** with 140 N m the quarter turn takes 3.4430 s. With twice the load the plan alone leaves a swing of
+# **Result:** with 140 N m the quarter turn takes 3.4430 s. With twice the load the plan alone leaves a swing of
 # 0.8464 m, with three times the load 1.6599 m. With feedback it is 0.2465 and 0.5071 m at once, and 0.0338 and
 # 0.0803 m when 2 s have passed. Without any error the noise of the sensors moves the tip by 0.0074 m.
 #
-# **Conclude:** plan for what you know, and let feedback do the rest. The price is time: some of the torque must be left
+# **Conclusion:** plan for what you know, and let feedback do the rest. The price is time: some of the torque must be left
 # for the feedback.
 #
-# **Asked:** and if the stiffness is uncertain too, and the hub rubs? We draw 256 machines, and let all of them follow
+# **Question:** and if the stiffness is uncertain too, and the hub rubs? We draw 256 machines, and let all of them follow
 # the plan at once.
 
 # %%
@@ -162,8 +162,8 @@ study.plot()
 plt.show()
 
 # %% [markdown]
-# **Seen:** the bands are the middle half of the machines, and nine of ten. In 95 % of the runs the plan alone leaves at
+# **Result:** the bands are the middle half of the machines, and nine of ten. In 95 % of the runs the plan alone leaves at
 # most 0.679 m and a hub that is off by 0.131 rad, for friction holds it back. With feedback it is 0.138 m and 0.00293
 # rad.
 #
-# **Conclude:** a controller is judged by many machines, not by the one that it was made for.
+# **Conclusion:** a controller is judged by many machines, not by the one that it was made for.

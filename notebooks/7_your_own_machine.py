@@ -85,9 +85,9 @@ machine = crane()
 machine
 
 # %% [markdown]
-# ## First test a case that you know
+# ## Verification by a known case
 #
-# **Asked:** is the model right? A mast without load, with one section, on a carriage that is held, is a cantilever.
+# **Question:** is the model right? A mast without load, with one section, on a carriage that is held, is a cantilever.
 # The textbook says: its first angular frequency is $1.8751^2 \sqrt{EI/(\mu L^4)}$.
 
 # %%
@@ -100,9 +100,9 @@ print(f"boomctl {alone.eigenfrequencies_hz(1)[0]:.5f} Hz, textbook {textbook:.5f
 assert abs(alone.eigenfrequencies_hz(1)[0] / textbook - 1) < 1e-5
 
 # %% [markdown]
-# ## What moves, and how fast
+# ## Mode shapes and frequencies
 #
-# **Asked:** how does the first frequency depend on where the load is? And what changes when the carriage is not free
+# **Question:** how does the first frequency depend on where the load is? And what changes when the carriage is not free
 # but held by a strong position drive? Then the drive imposes a displacement and not a force: `prescribe_displacement`
 # makes this model from the other one.
 
@@ -115,15 +115,15 @@ for height in (1.0, 5.0, 10.0, 15.0, 19.0):
 print(bc.mode_table(machine.select(["drive", "push"], ["carriage", "sway"])).to_string(4))
 
 # %% [markdown]
-# **Seen:** the higher the load, the slower the swing: from 2.4 Hz down to 1.7 Hz. A drive that holds its position
+# **Result:** the higher the load, the slower the swing: from 2.4 Hz down to 1.7 Hz. A drive that holds its position
 # makes the machine softer still, 1.729 Hz with the load at 15 m. The swing has a damping of 0.17 % only. The two
 # slowest poles are the carriage itself: it may stand anywhere (0), and the rail brakes it slowly.
 #
-# **Conclude:** whether the drive is a force or a position changes the machine. Say which one you have.
+# **Conclusion:** whether the drive is a force or a position changes the machine. Say which one you have.
 #
-# ## Drive three meters
+# ## A motion of 3 m
 #
-# **Asked:** how long does it take to move by 3 m with 3000 N, until the load stands still? We try three forces: full
+# **Question:** how long does it take to move by 3 m with 3000 N, until the load stands still? We try three forces: full
 # force and full brake; the same through an *input shaper* (ZV, tuned to the mode), and the fastest force of all. The
 # last one comes from `optimal_slew`, planned on a coarse mesh of two elements. All are played on the fine model.
 
@@ -161,17 +161,17 @@ axes[0].legend(loc="upper right")
 plt.show()
 
 # %% [markdown]
-# **Seen:** bang-bang needs 4.690 s and leaves 5.96 mm. The shaped force needs a quarter of a second more and leaves
+# **Result:** bang-bang needs 4.690 s and leaves 5.96 mm. The shaped force needs a quarter of a second more and leaves
 # 0.04 mm; on the way it hardly sways at all. The fastest force is hardly slower than bang-bang. It leaves 0.37 mm
 # because it was planned on the coarse mesh, and it switches eleven times, six of them in the last 35 ms, to calm
 # modes that nobody would see.
 #
-# **Conclude:** the fastest force is a yardstick: it says what is possible. Here a simple shaper comes within 5 % of
+# **Conclusion:** the fastest force is a yardstick: it says what is possible. Here a simple shaper comes within 5 % of
 # it and is the better choice.
 #
 # ## A controller
 #
-# **Asked:** can the drive damp the swing when something pushes the load? We measure the position of the carriage and
+# **Question:** can the drive damp the swing when something pushes the load? We measure the position of the carriage and
 # the acceleration of the mast's top, and design an H-infinity controller as in notebook 3.
 
 # %%
@@ -193,7 +193,7 @@ print(design.certificate.summary)
 print(bc.margins(machine, K))
 
 # %% [markdown]
-# **Asked:** is it stable with every load from nothing to 1000 kg? The mass of the load stands in the mass matrix in a
+# **Question:** is it stable with every load from nothing to 1000 kg? The mass of the load stands in the mass matrix in a
 # straight line, so the crane is an *affine family*, and this can be proved.
 
 # %%
@@ -229,10 +229,10 @@ axes[0].legend(ncols=2, loc="upper right")
 plt.show()
 
 # %% [markdown]
-# **Seen:** with the carriage held, the load swings on for minutes: still by 19.53 mm after 4 s. If the carriage is left free,
+# **Result:** with the carriage held, the load swings on for minutes: still by 19.53 mm after 4 s. If the carriage is left free,
 # it also rolls away by a meter. With the controller the swing is gone after two seconds, and the load is back in its
 # place. The drive needs up to 3585 N for it, the model that the controller was designed on has 8 states, the crane
 # has 42 and a filter.
 #
-# **Conclude:** a page of bodies and beams is enough to get from a drawing to a controller that is proved stable for
+# **Conclusion:** a page of bodies and beams is enough to get from a drawing to a controller that is proved stable for
 # each load.

@@ -9,7 +9,7 @@
 # ---
 
 # %% [markdown]
-# # 8. From a measurement to a proved controller
+# # 8. From data to a controller
 #
 # A motor turns a steel ruler. There is a drawing, and one minute of measurement: the motor was shaken, an encoder and a
 # strain gauge were read 250 times a second. Nobody knows how strong the amplifier really is, what friction there is, how
@@ -33,7 +33,7 @@ from boomctl.structure import SecondOrderModel
 plt.style.use("boomctl.plotting.look")  # or a style of your own
 
 # %% [markdown]
-# ## The machine as a function of what is not known
+# ## A model with unknown parameters
 #
 # Hub and ruler are as drawn. Friction acts at the hub, and the torque asked for comes out larger or smaller by the gain
 # of the amplifier. Any machine of your own can stand here: a function of parameters that returns a structure.
@@ -86,7 +86,7 @@ torque = {"torque": np.fft.irfft(spectrum)[samples:]}
 seen = {"hub_angle": count * np.round(angle / count), "tip_displacement": tip + 2e-5 * rng.standard_normal(samples)}
 
 # %% [markdown]
-# ## Its frequency response
+# ## Frequency response
 #
 # Each frequency comes with its deviation and coherence.
 
@@ -97,7 +97,7 @@ axes = response.plot()
 plt.show()
 
 # %% [markdown]
-# ## Four parameters and their intervals
+# ## Parameters and confidence intervals
 #
 # `bc.fit` begins from the drawing. Its intervals come from blocks of neighboring frequencies, not from a formula for
 # white noise.
@@ -110,7 +110,7 @@ axes = fitted.plot()
 plt.show()
 
 # %% [markdown]
-# ## A family: what the record leaves open
+# ## A family of models
 #
 # The box holds all four at once with 95 %, and five percent more to either side: a rig does not stay what it was.
 
@@ -135,7 +135,7 @@ ax.legend()
 plt.show()
 
 # %% [markdown]
-# ## PD with a notch, tuned over the box
+# ## Tuned PD controller with notch
 #
 # It reads the encoder alone. The worst point of the box counts.
 
@@ -162,7 +162,7 @@ optimal = bc.h_infinity(weighed(model), fastest_pole=400.0)
 print(optimal)
 
 # %% [markdown]
-# ## Proved, as they will run
+# ## Robust stability of the sampled loops
 #
 # A controller runs 250 times a second, and its torque comes a millisecond late. Both loops are proved stable at every
 # point of the box, with anything beside it that is within the band, and how far a push at the tip may turn the hub is
@@ -193,7 +193,7 @@ with tempfile.TemporaryDirectory() as folder:
     print([path.name for path in sorted(Path(folder).iterdir())])
 
 # %% [markdown]
-# ## On the true rig
+# ## Simulation of the true rig
 #
 # A push at the tip for a fifth of a second: the hub comes back, encoder counts and all.
 

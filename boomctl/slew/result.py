@@ -345,7 +345,8 @@ class SlewResult(Summarized, TimeSeries):
         if self.plan is None:
             raise ValueError("slew: expected one that was planned by optimal_slew")
         return tracked_slew(
-            self,
+            self.torque_profile,
+            self.plan.problem,
             sample_time=sample_time,
             torque_limit=torque_limit,
             dwell_time=dwell_time,

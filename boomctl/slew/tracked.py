@@ -40,7 +40,8 @@ from boomctl.slew.feedback import (
     weights,
 )
 from boomctl.slew.monte_carlo import TrackingStudy, drawn
-from boomctl.slew.result import SlewResult
+from boomctl.slew.problem import SlewProblem
+from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
 _FEWEST = 8  # samples of a slew at least: fewer would not resolve it
@@ -372,7 +373,8 @@ class TrackedSlew:
 
 
 def tracked_slew(
-    slew: SlewResult,
+    history: TorqueProfile,
+    problem: SlewProblem,
     *,
     sample_time: float,
     torque_limit: float | None,
@@ -386,7 +388,6 @@ def tracked_slew(
     stiffness_uncertainty: float,
 ) -> TrackedSlew:
     """Design feedback along a plan; the arguments are those of `SlewResult.track`."""
-    history, problem = slew.torque_profile, slew.plan.problem
     plant, planned_limit = problem.plants[0], problem.limits.torque
     machine: Any = plant.machine
     if machine is None:

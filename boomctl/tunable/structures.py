@@ -162,8 +162,8 @@ class ControllerForm:
         """Return the structure with a state less, where there is one."""
         return None
 
-    def grown(self, x: Array, ports: Ports, rng: np.random.Generator) -> Array:
-        """Return free numbers of `lower` as those of the structure itself, whose new state is driven but does not act."""
+    def grown(self, x: Array, ports: Ports, rng: np.random.Generator, size: float) -> Array:
+        """Return free numbers of `lower` as those of the structure itself, whose new state acts by ``size``."""
         raise NotImplementedError
 
     @property
@@ -364,14 +364,14 @@ class StateSpace(ControllerForm):
             return None if self.strictly_proper else Gain()
         return StateSpace(self.order - 1, self.strictly_proper)
 
-    def grown(self, x: Array, ports: Ports, rng: np.random.Generator) -> Array:
+    def grown(self, x: Array, ports: Ports, rng: np.random.Generator, size: float) -> Array:
         (rows, columns), old = ports.shape, self.order - 1
         A, B, C, D = StateSpace(old, self.strictly_proper)._split(x, ports)
         rate = np.exp(rng.uniform(np.log(ports.slowest), np.log(ports.fastest))) / ports.rate
         states = np.pad(A.reshape(old, old), ((0, 1), (0, 1)))
         states[-1, -1] = -rate
         reads = np.append(B, rng.normal(size=columns) * np.sqrt(rate))
-        acts = np.column_stack([C.reshape(rows, old), np.zeros(rows)])
+        acts = np.column_stack([C.reshape(rows, old), size * rng.normal(size=rows) * np.sqrt(rate)])
         return np.concatenate([states.ravel(), reads, acts.ravel(), D])
 
 
@@ -465,12 +465,12 @@ class Sum(Composed):
                 return Sum((*self.parts[:i], less, *self.parts[i + 1 :]))
         return None
 
-    def grown(self, x: Array, ports: Ports, rng: np.random.Generator) -> Array:
+    def grown(self, x: Array, ports: Ports, rng: np.random.Generator, size: float) -> Array:
         i = next(i for i, part in enumerate(self.parts) if part.lower() is not None)
         less = self.lower()
         assert isinstance(less, Sum)
         result = less.split(x, ports)
-        result[i] = self.parts[i].grown(result[i], ports, rng)
+        result[i] = self.parts[i].grown(result[i], ports, rng, size)
         return np.concatenate(result)
 
 

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 
+_QUIET = 1e-2  # gains of a state more, over their natural size (a choice)
+
+
 def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller") -> Array:
     """Return a start that is given by name or as a controller; what is left out is in the middle or zero.
 
@@ -66,7 +69,7 @@ def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
     through = np.zeros(0) if wanted.strictly_proper else K.D.ravel()
     x, rng = np.concatenate([K.A.ravel(), K.B.ravel(), K.C.ravel(), through]) * numbers, np.random.default_rng(0)
     for order in range(n + 1, wanted.order + 1):
-        x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng)
+        x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng, _QUIET)
     return sum(len(part.free(ports)) for part in parts[: places[0]]), x
 
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.polynomials import Cell, value_at
+from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.analysis.box.sampled import sampled_loops
 from boomctl.arrays import balance
 from boomctl.lti.system import of
@@ -27,7 +28,7 @@ def cells_of(case):
         at = at if case.K.isctime() else (1.0 + at) / (1.0 - at)
         return np.linalg.norm(case.responses(1.0 + (case.family.high - 1.0) * delta, at, *signals)[0], 2)
 
-    return loops.responses, gain_at
+    return ResponseCells.of(loops), gain_at
 
 
 def cut(box, rng, times):

@@ -11,6 +11,7 @@ from hypothesis import given
 import boomctl as bc
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.structure import AffineFamily, SecondOrderModel
+from boomctl.structure.families import Slope
 from boomctl.structure.matrices import Structure
 from boomctl.structure.ports import Ports
 from tests.analysis.loop_cases import Walls
@@ -262,3 +263,17 @@ def test_where_there_is_no_bound_it_is_said_why():
     lost = bc.worst_case(family, unstable, "push", "z")
     assert (lost.worst_norm.lower_bound, lost.upper_bound) == (np.inf, np.inf)
     assert "unstable" in lost.message
+
+
+def test_worst_case_sums_terms_of_one_parameter():
+    """A family may split the change by a parameter into several terms."""
+    family = AffineFamily.from_function(
+        {"gain": (0.5, 1.5)},
+        lambda p: SecondOrderModel([[1.0]], [[0.4]], [[1.0]], {"u": [p["gain"]], "w": [1.0]}, {"y": [1.0]}),
+    )
+    ((power, slope),) = family.coefficients
+    half = Slope(*(0.5 * getattr(slope, letter) for letter in "MCKBL"))
+    K = control.ss([], [], [], [[-2.0]], inputs="y", outputs="u")
+    whole, split = (bc.worst_case(f, K, "w", "y") for f in (family, replace(family, coefficients=((power, half),) * 2)))
+    assert split.upper_bound == pytest.approx(whole.upper_bound, rel=1e-9)
+    assert split.lower_bound == pytest.approx(whole.lower_bound, rel=1e-9)

@@ -19,12 +19,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from boomctl.analysis.box.polynomials import Cell, Polynomial, poles_of, stable, value_at
-from boomctl.analysis.box.response_cells import ROUNDING, ResponseCells
+from boomctl.analysis.box.polynomials import ROUNDING, Cell, Polynomial, poles_of, stable, value_at
 from boomctl.analysis.box.zero_exclusion import axis_to_halve
 from boomctl.arrays import Array, blocks
 from boomctl.lti.frequency import singular_values
@@ -63,11 +61,6 @@ class LoopPart:
     def sampled(self) -> bool:
         """Whether it is the image of a sampled loop."""
         return self.dt > 0.0
-
-    @cached_property
-    def responses(self) -> ResponseCells:
-        """What bounds the response over cells of parameters and frequencies."""
-        return ResponseCells.of(self)
 
     def at(self, delta: Array) -> Lti:
         """Return the loop at a point of the part, as a state-space system."""

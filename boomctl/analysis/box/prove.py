@@ -18,6 +18,7 @@ import numpy as np
 
 from boomctl.analysis.box.level import LoopPart
 from boomctl.analysis.box.polynomials import Cell
+from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.arrays import Array
 from boomctl.progress import tell
 
@@ -105,7 +106,7 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
 
     for part in parts:
         waiting, tried, level = [Cell.whole(len(part.cell.middle))], 0, statement.level
-        prove = part.prover(level)
+        prove, responses = part.prover(level), None
         while waiting:
             tell("cells of the box proved", dear + cheap)
             cell, tried = waiting.pop(), tried + 1
@@ -120,7 +121,8 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
             last = cell.reach.max() < 1.0 / limit or tried >= 2.0 * limit
             if last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
                 most = int(min(_SHARE, limit) * WORTH) * (len(middle) <= _MOST_PARAMETERS)
-                count = part.responses.prove(cell, statement.level, most, partial(met, part))
+                responses = responses or ResponseCells.of(part)
+                count = responses.prove(cell, statement.level, most, partial(met, part))
                 if statement.level == inf:
                     return BoxProof(False, dear, cheap)
                 if count is not None:

@@ -27,11 +27,10 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
-from boomctl.analysis.box.polynomials import Cell
+from boomctl.analysis.box.polynomials import ROUNDING, Cell
 from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
-from boomctl.lti.rounding import EPS
 
 if TYPE_CHECKING:
     from boomctl.analysis.box.level import LoopPart
@@ -48,8 +47,6 @@ def _hull(count: int) -> Array:
 
 
 _PARALLEL = 0.9  # cosine of eigenvectors beyond which they are made orthogonal: their inverse would be large (a choice)
-# of entries of products of three matrices, over that of magnitudes (derived: 3 n eps, for n up to 300 states)
-ROUNDING = 1e3 * EPS
 _LEVEL = 1.0 - 1e-9  # share of a level below which a gain has to stay: more than rounding of the gain itself
 _SWEEPS = 5  # of the power iteration for the vector: it need not be exact, any positive one bounds (measured)
 _FAR = 0.6  # bound of ``Z`` beyond which it, not the terms of second order, decides where to cut (measured: 0.5 to 0.8 alike)

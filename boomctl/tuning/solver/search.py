@@ -19,7 +19,8 @@ from boomctl.tuning.solver.descent import descend
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most (a choice)
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)
 _LEVELS = (-2.0, 1.0)  # powers of ten between which gains are drawn, over their natural size (a choice)
-_QUIET = 1e-2  # gains of the quiet start, over their natural size (a choice)
+_QUIET = 1e-2  # gains of the quiet start, and of a state more, over their natural size (a choice)
+_BESIDE = "beside order"  # origin of a start beside the optimum of a lower order
 _FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
 _BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
 _LOWER = 0.5  # share of the time for the order below, whose optimum is a start (a choice)
@@ -148,10 +149,15 @@ class Search:
         """What all starts came to, those of searches before this one first."""
         return self.earlier + [item.start for item in self.searches]
 
-    def from_starts(self, begun: list[tuple[str, Array]]) -> None:
-        """Begin from all starts, then finish the best few."""
+    def from_starts(self, begun: list[tuple[str, Array]], reached: float) -> None:
+        """Begin from all starts, then finish the best few.
+
+        From beside the optimum of the order below, which ``reached`` some value, only where that itself led no further.
+        """
         order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
         for k, (kind, x) in enumerate(begun):
+            if kind.startswith(_BESIDE) and self.value < reached - _GAIN:
+                continue
             tell(f"{order}, start", k + 1, len(begun))
             self.begin(self.problem.clipped(x), kind)
             if self.best is not None and half.over:
@@ -248,7 +254,7 @@ def search(
     work = Search(problem, deadline)
     try:
         begun: list[tuple[str, Array]] = [("given", x) for x in first]
-        less = problem.structure.lower()
+        less, reached = problem.structure.lower(), -inf
         if less is not None and (starts > 1 or not first):
             small = replace(problem, structure=less)
             # what a call for that order comes to: the same starts and the same numbers drawn
@@ -256,18 +262,19 @@ def search(
             work.stages += [f"order {small.order}: {stage}" for stage in inner.stages]
             if inner.best is not None:
                 work.stages.append(f"from order {small.order}: {exp(inner.value):.6g}")
-                begun.append((f"order {small.order}", problem.structure.grown(inner.best, problem.ports, rng)))
+                reached = inner.value
+                for name, size in (("order", 0.0), (_BESIDE, _QUIET)):  # the same controller, and one beside it
+                    x = problem.structure.grown(inner.best, problem.ports, rng, size)
+                    begun.append((f"{name} {small.order}", x))
             if "stopped" in inner.stages or deadline.over:
                 for _, x in begun:
                     work.keep(Point(problem, problem.clipped(x), work.known))
                 work.stages.append("stopped" if "stopped" in inner.stages else "out of time")
                 return work
-        for k in range(
-            max(starts - len(begun) - (less is not None), 1)
-        ):  # of which the search for the lower order is one
+        for k in range(max(starts - len(begun), 1)):
             level = float(10.0 ** rng.uniform(*_LEVELS)) if k else _QUIET
             begun.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
-        work.from_starts(begun)
+        work.from_starts(begun, reached)
     except NothingLeftError:
         work.stages.append("nothing left")
     except OutOfTimeError:
