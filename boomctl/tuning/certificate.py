@@ -1,4 +1,4 @@
-"""What vouches for a tuned controller: norms of the loops as the user handed them in, and what no controller beats."""
+"""Certificate of a tuned controller: norms of the closed loops with the original plants, and a lower bound."""
 
 from dataclasses import replace
 from math import exp, inf, isfinite, log
@@ -26,14 +26,14 @@ from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.bundle import stationarity
 from boomctl.tuning.solver.search import Search
 
-_EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)
-_LOST = 1e-3  # share of the decay that the same pole had without the controller, below which it has (a choice)
-_SAME_POLE = 0.3  # share of its size within which a pole of the plant is the same (a choice)
-_TELLING = 10.0  # times a bound up to which a norm so far above it says something of it (a choice)
-_ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
-_AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
-_BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
-_MOST_BOUNDS = 3  # models whose bound is looked for: those where the norm is largest (a choice of patience)
+_EDGE = 1e-5  # decay rate of a pole over its modulus below which a loop may be at the edge of stability
+_LOST = 1e-3  # fraction of the pole's open-loop relative decay rate below which it is
+_SAME_POLE = 0.3  # relative distance within which an open-loop pole corresponds to a closed-loop pole
+_TELLING = 10.0  # relative gap up to which the summary states the lower bound as a percentage
+_ACTIVE = 1e-3  # relative distance to a norm or bound within which a peak or bound is active
+_AT_END = 1e-6  # fraction of a range within which a parameter is at its bound
+_BOUND_TIME = 20.0  # time limit of the lower bound for any controller, in addition to that of the search [s]
+_MOST_BOUNDS = 3  # models for which the lower bound is computed: those with the largest norms
 
 
 def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
@@ -42,7 +42,7 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
     Raises
     ------
     SynthesisError
-        It is not well-posed, or not stable.
+        If it is not well-posed, or not stable.
     """
     try:
         loop = lower_lft(plant.system, K)
@@ -57,7 +57,7 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
 
 
 def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
-    """Return what to say of a loop that ended at the edge of stability; nothing where none of its poles was driven there."""
+    """Return a note on a loop at the edge of stability; empty if the controller drove no pole there."""
     before, after = plant.system.poles, loop.poles
     sizes = np.abs(before[before != 0.0])
     slowest = float(sizes.min(initial=np.inf)) if len(sizes) else 1.0
@@ -91,7 +91,7 @@ def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -
 def lower_bound(
     plants: list[GeneralizedPlant], values: list[tuple[float, int, Channel]], limit: float
 ) -> tuple[float, str]:
-    """Return a norm that no controller of any order goes below, and where it comes from, or why there is none.
+    """Return a lower bound on the norm for controllers of any order, and its source, or the reason why there is none.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def lower_bound(
     values : list of (float, int, Channel)
         Norm reached, plant and channel of every objective.
     limit : float
-        Seconds for all of it.
+        Time limit in total [s].
     """
     best, said, reasons = 0.0, "", []
     deadline = Deadline(limit)
@@ -132,17 +132,17 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
 
 
 def share_used(norm: ChannelNorm) -> float:
-    """Return a norm over its budget, where it has one."""
+    """Return a norm over its budget, if any."""
     return norm.value / (norm.channel.budget or 1.0)
 
 
 def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
-    """Return the best controller of a search, verified from what the user handed in.
+    """Return the best controller of a search, verified with the plants passed by the user.
 
     Raises
     ------
     SynthesisError
-        It could not be verified, or exceeds a budget or a bound.
+        If it cannot be verified, or exceeds a budget or a bound.
     """
     problem, x, labels = found.problem, found.design, found.problem.plants.labels
     tell("verifying")
@@ -199,7 +199,7 @@ def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]
 
 
 def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
-    """Return the bounds that are used up; raise where one is exceeded."""
+    """Return the active bounds; raise an error if one is exceeded."""
     problem, result = found.problem, []
     for item, number, low, high in zip(problem.free, point.x, problem.low, problem.high, strict=True):
         for end, name in ((low, "least"), (high, "largest")):
@@ -216,7 +216,7 @@ def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str
             continue
         if share_used(norm) > 1.0 + CERTIFIED:
             none = "no controller found keeps its budget"
-            what = "the budgets cannot all be kept as far as was found" if problem.budgets_alone else none
+            what = "no controller found satisfies all budgets" if problem.budgets_alone else none
             where = f", {norm.model}" if norm.model else ""
             value = f"is {norm.value:.6g}, allowed are {norm.channel.budget:.6g}"
             raise SynthesisError(f"{what}: {norm.channel.text}{where} {value}")

@@ -1,4 +1,4 @@
-"""Starts of the user's own: free numbers by name, or a controller whose matrices are all free."""
+"""User-defined starts: free parameters by name, or a controller whose matrices are all free."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 
-_QUIET = 1e-2  # gains of a state more, over their natural size (a choice)
+_QUIET = 1e-2  # gains of an additional state over their natural size
 
 
 def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller") -> Array:
-    """Return a start that is given by name or as a controller; what is left out is in the middle or zero.
+    """Return a start from parameters by name or a controller; other parameters are in the middle of their ranges or zero.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller")
 
 
 def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
-    """Return where the free numbers of a controller begin, and these; further states do nothing yet."""
+    """Return the offset of a controller's free parameters, and their values; additional states have small gains."""
     parts, ports, n = terms(problem.structure), problem.ports, len(K.A)
     places = [i for i, part in enumerate(parts) if isinstance(part, StateSpace)]
     if len(places) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
@@ -74,7 +74,7 @@ def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
 
 
 def _in_order(kind: str, mine: tuple[str, ...], theirs: tuple[str, ...]) -> list[int]:
-    """Return the places of a controller's signals in the plant's order; those that were never named are in order already."""
+    """Return the indices of a controller's signals in the plant's order; default names are in order already."""
     if set(mine) == set(theirs):
         return [mine.index(name) for name in theirs]
     if mine != tuple(f"{'u' if kind == 'input' else 'y'}[{i}]" for i in range(len(theirs))):

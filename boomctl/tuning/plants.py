@@ -1,4 +1,4 @@
-"""The plants that one controller is tuned for: given ones, made from physical parameters, or points of a family."""
+"""Plants of a tuning problem: fixed ones, functions of physical parameters, or points of a family."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,30 +19,30 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.tunable.structures import Physical
 from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 
-_MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning begins from all corners of the box.
-_DEGREES = (1, 2, 4, 8, 16, 32)  # of polynomials, tried in turn: springs, products of two, masses, positions (a choice)
-_ROUNDING = 1e-14  # share of a row's size up to which a coefficient is rounding: 1e2 eps
-_MOST = 400  # plants made for one polynomial at most (a choice of patience)
-_KEPT = 16  # sets of plants that are kept: the last few points of the search (a choice)
-_EXACT = 1e3  # times that by which a polynomial may miss plants: far below what is tuned to (a choice)
+_MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning starts with all vertices of the box.
+_DEGREES = (1, 2, 4, 8, 16, 32)  # polynomial degrees, in order: springs, products of two, masses, positions
+_ROUNDING = 1e-14  # relative size of a coefficient that is rounding error: 1e2 eps
+_MOST = 400  # plants evaluated for one polynomial at most
+_KEPT = 16  # cached sets of plants: the last few points of the search
+_EXACT = 1e3  # largest error of a polynomial over rounding error: far below the tolerance of tuning
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 
 class PlantPolynomial:
-    """A generalized plant whose matrices are polynomials of physical parameters, as numbers between -1 and 1.
+    """Generalized plant whose matrices are polynomials of physical parameters, normalized to -1 to 1.
 
     Parameters
     ----------
     make : function
-        From such numbers to the plant.
+        Maps normalized parameters to the plant.
     size : int
-        How many there are.
+        Number of parameters.
 
     Raises
     ------
     ValueError
-        The plants are no polynomial.
+        If the plants are not polynomials.
     """
 
     def __init__(self, make: Callable[[Array], GeneralizedPlant], size: int) -> None:
@@ -92,14 +92,14 @@ class PlantPolynomial:
 
 @dataclass(frozen=True)
 class Model:
-    """One of the plants as a function of physical parameters.
+    """Plant as a function of physical parameters.
 
     Attributes
     ----------
     label : str
-        What it is called.
+        Name of the model.
     make : function
-        Returns it from values of the parameters.
+        Maps parameter values to the plant.
     physical : tuple of Physical
         The parameters.
     """
@@ -109,7 +109,7 @@ class Model:
     physical: tuple[Physical, ...]
 
     def given(self, numbers: Array) -> GeneralizedPlant:
-        """Return the plant as the user means it, from numbers between -1 and 1."""
+        """Return the original plant for normalized parameters."""
         return self.make({item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)})
 
     @cached_property
@@ -119,7 +119,7 @@ class Model:
         Raises
         ------
         ValueError
-            It is none.
+            If it is not a polynomial.
         """
         try:
             return PlantPolynomial(self.given, len(self.physical))
@@ -149,11 +149,11 @@ class Plants:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What the plants are called."""
+        """Names of the plants."""
         return tuple(model.label for model in self.models)
 
     def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
-        """Return the plants as the user means them, from numbers between -1 and 1."""
+        """Return the original plants for normalized parameters."""
         return tuple(model.given(numbers) for model in self.models)
 
     @cached_property
@@ -163,7 +163,7 @@ class Plants:
         Raises
         ------
         ValueError
-            They have not the same signals and scales.
+            If their signals or scales differ.
         """
         result = self.given(np.zeros(len(self.physical)))
         first = result[0].system
@@ -191,7 +191,7 @@ class Plants:
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """How derivatives by physical parameters are known."""
+        """Stages on the derivatives by physical parameters."""
         if not self.physical:
             return ()
         degrees = zip(*(model.polynomial.degrees for model in self.models), strict=True)
@@ -205,7 +205,7 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; counts out of range.
+        If `P` is not a continuous, finite system, or a count is out of range.
     """
     if nmeas == 0 and ncon == 0:
         return GeneralizedPlant(of(P, "P", "StateSpace"), 0, 0)
@@ -213,7 +213,7 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
 
 
 def made_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
-    """Return given plants, or those that functions of the physical parameters make, where there are such."""
+    """Return the plants, from systems or from functions of the physical parameters."""
 
     def maker(each: Any) -> Maker:
         if not physical or not callable(each) or hasattr(each, "ninputs"):
@@ -228,13 +228,13 @@ def made_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical:
 
 @dataclass(frozen=True)
 class FamilyPlants:
-    """A family, and what makes a generalized plant of each of its structures.
+    """Family of structures, and the function from a structure to a generalized plant.
 
     Attributes
     ----------
     family : Family
     make : function
-        From a structure of the family to a generalized plant.
+        Maps a structure of the family to a generalized plant.
     nmeas, ncon : int or None
     physical : tuple of Physical
         Parameters of the family that are tuned; the others are uncertain.
@@ -248,7 +248,7 @@ class FamilyPlants:
 
     @property
     def uncertain(self) -> list[int]:
-        """Places of the family's uncertain parameters."""
+        """Indices of the family's uncertain parameters."""
         tuned = {item.name for item in self.physical}
         return [i for i, name in enumerate(self.family.names) if name not in tuned]
 
@@ -271,7 +271,7 @@ class FamilyPlants:
         return Model(label, lambda values: self.plant(values, point), self.physical)
 
     def plants(self) -> Plants:
-        """Return the plants in the middle of the uncertain box and at its corners; of many parameters the middle alone."""
+        """Return the plants at the center and the vertices of the uncertain box; for many parameters at the center only."""
         size = len(self.uncertain)
         corners = product((-1.0, 1.0), repeat=size) if 0 < size <= _MOST_PARAMETERS else ()
         points = [np.zeros(size), *map(np.array, corners)]

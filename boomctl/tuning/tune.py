@@ -1,4 +1,4 @@
-"""``tune``: controllers of a given structure, the largest norm over all models and channels as small as can be found."""
+"""``tune``: controllers of a given structure that minimize the largest norm over all models and channels."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -30,9 +30,9 @@ from boomctl.tuning.solver.search import Search, search
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
-_WORSE = 1e-3  # how much worse than at the points tuned for the family may be, relative (a choice)
-_MORE_POINTS = 8  # worst points that are added to a family's corners at most (a choice of patience)
-_AGAIN = 3  # starts with each point added, the best so far among them (a choice)
+_WORSE = 1e-3  # accepted relative excess of the worst norm over the family above that at the tuned points
+_MORE_POINTS = 8  # worst points added to a family's vertices at most
+_AGAIN = 3  # starts for each added point, including the best controller so far
 
 
 @one_blas_thread
@@ -55,68 +55,65 @@ def tune(
     time_limit: float = 60.0,
     progress: "Listener | None" = None,
 ) -> TuneResult:
-    """Return the controller of a given structure that makes a norm of the closed loop as small as can be found.
+    """Tune a controller of a given structure to minimize a norm of the closed loop.
 
-    From many starts the loops are stabilized, then the norm is brought down by descent on its highest peak and by
-    quadratic programmes over all peaks near the highest, in turn (Apkarian & Noll 2006; Lewis & Overton 2013).  The
-    minimum is a local one: the best of all starts.  The controller returned is verified apart from the search.
+    From many starts the loops are stabilized, then the norm is minimized by descent on its highest peak and by sequential
+    quadratic programming over all peaks near the highest (Apkarian & Noll 2006; Lewis & Overton 2013).  The minimum is
+    local: the best of all starts.  The returned controller is verified independently of the search.
 
     Parameters
     ----------
     P : control.StateSpace, function, or sequence of them
-        Generalized plant, as for `h_infinity`; of several, with the same signals, the largest norm counts and all are to
-        be stable.  A function returns one: from a mapping of the physical parameters of the structure, or, with
-        ``family``, from a `SecondOrderModel` of the family.
+        Generalized plant, as for `h_infinity`. For several, with the same signals, the largest norm is minimized and all
+        loops are stabilized.  A function maps physical parameters of the structure, by name, to a plant, or, with
+        ``family``, a `SecondOrderModel` of the family.
     nmeas, ncon : int, optional
-        Numbers of measurements and controls; both 0 where only physical parameters are tuned.  Not needed there, nor of
-        what `generalized_plant` or `mixed_sensitivity` made, whose names tell them.
+        Numbers of measurements and controls; both 0 if only physical parameters are tuned.  Optional in that case, and for
+        results of `generalized_plant` or `mixed_sensitivity`.
     structure : ControllerForm
-        What the controller is made of, from `boomctl.tunable`: parts can be added, and put in series by ``*``.
+        Structure from `boomctl.tunable`: parts can be added, and connected in series by ``*``.
     channels : sequence of Channel, optional
         `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the whole loop.
     norm : {"hinf", "h2"}
-        Which norm, where no channels are given.
+        Norm to minimize, without ``channels``.
     n_starts : int
-        Number of starts.  Lower orders of a free state-space part are tuned on the way.
+        Number of starts.  Lower orders of a free state-space part are tuned first.
     seed : int
-        Of the starts drawn; the same seed gives the same controller, if the time limit does not interfere.
+        Seed of random starts; the result is reproducible if the time limit is not reached.
     fastest_pole : float, optional
-        No pole of the controller has a larger magnitude [rad/s].
+        Largest modulus of the controller poles [rad/s].
     max_gain : float, optional
         Largest singular value of the controller's response at any frequency, in the units of the signals.  Some norms have
         their infimum at infinite gain.
     min_damping_ratio : float, optional
         Least damping ratio of all poles of the loops.
     min_decay_rate : float, optional
-        All poles of the loops lie left of ``-decay`` [rad/s].
+        Least decay rate of all poles of the loops [rad/s].
     family : AffineFamily or PolynomialFamily, optional
-        Structures over a box of parameters.  The middle and the corners, of more than six uncertain parameters the middle
-        alone, are tuned for at first, then the worst points that a search over the box finds too, until none is worse.
-        Parameters that are `boomctl.tunable.plant_parameter` ones of the
-        structure are tuned, the others are uncertain.
+        Structures over a box of parameters.  Tuning starts with the center and the vertices (with more than six uncertain
+        parameters, with the center only) and adds the worst points from a search over the box until none is worse.
+        Parameters that are a `boomctl.tunable.plant_parameter` of the structure are tuned, the others are uncertain.
     initial_controller : mapping of str to float, control.StateSpace or a design, optional
-        A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a
-        `boomctl.tunable.state_space` (physical parameters may be added to it), a controller of its order or of a lower one.
-        In the scaled signals of a scaled plant.
+        User-defined start: free parameters by name, as in `TuneResult.values`; or for a `boomctl.tunable.state_space`
+        (physical parameters may be added) a controller of at most its order.  In the scaled signals of a scaled plant.
     time_limit : float
-        Seconds after which the best so far is returned; so it is when the user interrupts.
+        Time limit [s], after which the best result so far is returned, as after an interrupt.
     progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `progress_callback` hears whatever runs within it.
+        Called with a `Progress` at each stage. If None, a progress line is shown after 3 s.
 
     Returns
     -------
     TuneResult
-        The controller, the closed loops, the largest norm ``gamma``, all starts, and a certificate.
+        Controller, closed loops, largest norm ``gamma``, all starts, and a certificate.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, not finite, discrete time; models with different signals; counts or numbers out of range;
-        unknown signals or parameters; a start of another structure, order or with other signals; a channel whose H2 norm is
-        infinite for every controller of the structure.
+        If a plant is not a continuous, finite system, the signals of models differ, an argument is out of range, a signal or
+        parameter is unknown, the start does not match the structure or the signals, or the H2 norm of a channel is infinite
+        for every controller of the structure.
     SynthesisError
-        No controller can stabilize a model, none of the structure was found that does, or none that keeps the budgets.
+        If no controller can stabilize a model, or none of the structure is found that does so within the budgets.
 
     Examples
     --------
@@ -167,7 +164,7 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
     if channels is None:
         return (objective(norm=norm),)
     if norm != "hinf":
-        raise ValueError(f"norm = {norm!r}: expected none beside channels, which say their own")
+        raise ValueError(f"norm = {norm!r}: expected none with channels, which have their own norms")
     result = tuple(instance("channel", item, Channel) for item in sequence("channels", channels, "Channel"))
     if not result:
         raise ValueError("channels: expected at least one")
@@ -175,9 +172,9 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
 
 
 def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
-    """Return the numbers of measurements and controls, None where names tell them.
+    """Return the numbers of measurements and controls, None if they follow from names.
 
-    Both are zero where nothing but physical parameters is tuned.
+    Both are zero if only physical parameters are tuned.
     """
     names = [item.name for item in structure.physicals()]
     for name in names:
@@ -221,7 +218,7 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerFo
 
 
 def _check(problem: Problem) -> None:
-    """Refuse signals that are not there, what no controller can stabilize, and norms and gains that are infinite."""
+    """Check signals, stabilizability and detectability, and that norms and gains are finite."""
     plants, channels = problem.plants.middle, problem.channels
     problem.structure.check(problem.ports)
     for label, plant in zip(problem.plants.labels, plants, strict=True):
@@ -252,15 +249,15 @@ def _check(problem: Problem) -> None:
 def _searched(
     problem: Problem, starts: int, rng: np.random.Generator, begun: list[Array], deadline: Deadline
 ) -> Search:
-    """Return what a search found.
+    """Run a search and return it.
 
     Raises
     ------
     SynthesisError
-        No controller that stabilizes and keeps the budgets.
+        If no controller that stabilizes is found.
     """
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
+        warnings.simplefilter("ignore", RuntimeWarning)  # from rejected trial points
         result = search(problem, starts, rng, deadline, begun)
     if result.best is None:
         ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
@@ -277,7 +274,7 @@ def _searched(
 def _over_family(
     over: FamilyPlants, found: Search, seed: int, stages: list[str]
 ) -> "tuple[Search, ChannelNorm | None]":
-    """Return the search with the worst points of the family among the models, until none is worse."""
+    """Repeat the search with the worst points of the family as models, until none is worse."""
     worst = None
     for extra in range(_MORE_POINTS + 1):
         plants, deadline = found.problem.plants, found.deadline
@@ -304,7 +301,7 @@ def _over_family(
 
 
 def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
-    """Return by how much the worst point of a family is worse than those tuned for, that point, and the norm there."""
+    """Return the relative excess of a family's worst point over the tuned ones, that point, and its largest objective."""
     problem, size = found.problem, len(over.uncertain)
     K, values = problem.lti(found.design), problem.physical_values(found.design)
     aims = [item for item in problem.channels if problem.budgets_alone or item.budget is None]
@@ -320,7 +317,7 @@ def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm
         return [(share_used(item) / (exp(found.value) if item.channel in aims else 1.0) - 1.0, item) for item in there]
 
     def of_aims(point: Array) -> tuple[float, ChannelNorm]:
-        """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
+        """Return the largest objective, excluding budgets."""
         return max((item for item in norms(point) if item[1].channel in aims), key=lambda each: each[0])
 
     point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size, 1.0)

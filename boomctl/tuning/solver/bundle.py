@@ -1,4 +1,4 @@
-"""Polishing by sequential quadratic programmes over all peaks near the highest, nearly multiple singular values too."""
+"""Polishing by sequential quadratic programming over all peaks near the highest, including clustered singular values."""
 
 from collections.abc import Callable
 from math import inf, isfinite
@@ -15,49 +15,50 @@ from boomctl.tuning.problem import GAIN_LIMIT
 from boomctl.tuning.responses import WINDOW, same_place
 from boomctl.tuning.solver.descent import Ended
 
-_MOST = 80  # pieces at most, the highest (a choice)
-_BETWEEN = 0.03  # share below the highest within which grid frequencies are pieces too (measured: 0.1 costs more)
-_TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)
-_CORRECTIONS = 2  # of a step for what the pieces bend, at most (measured: a sixth fewer loops than with one)
-_FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
-_GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
-_ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
-_NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
+_MOST = 80  # active functions at most, the highest ones
+_BETWEEN = 0.03  # relative window below the highest within which grid frequencies are active functions
+_TRIALS = 14  # trials of a step; each adds an active function or shortens the step
+_CORRECTIONS = 2  # second-order corrections of a step at most
+_FALL = 0.1  # accept a step if the decrease is at least this fraction of the predicted one
+_GOOD = 0.6  # fraction of the predicted decrease above which the next step may be longer
+_ACTIVE = 1e-6  # multiplier above which a function contributes to the curvature
+_NEAR = 0.1  # relative change of a peak's frequency in a step up to which it is the same peak
 _DAMPING, _LEAST, _LARGEST = (
     1.0,
     1e-9,
     1e9,
-)  # weight of a step's length in natural sizes: first, least, largest (choices)
-# times the curvature along a step to loops that are not stable, which the next step's weight is at least: a quarter is left
-_SHORTER = 3.0  # of it (a choice; where a step merely gains too little, one plant ended 0.1 % higher so)
-_FAR = 1e4  # natural sizes from which on an end is too far to matter (a choice)
-# share of its multiplier by which a row gives way: of pieces that are nearly alike each then carries its share, and what they
-# bend is seen of all (measured: with hard rows a half more steps)
+)  # damping of a step in natural sizes: initial, smallest, largest
+# smallest next damping after a step to unstable loops, over the curvature along it: shortens the step to a quarter
+_SHORTER = 3.0
+_FAR = 1e4  # natural sizes beyond which a bound is ignored
+# fraction of its multiplier by which a row may be exceeded: spreads multipliers over nearly equal functions, so that the
+# curvature of all is included, and saves steps
 _GIVE = 1e-7
-_FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
-_LITTLE = 1e-6  # step of differences of an H2 norm's gradient
-_ROUNDS = 60  # of a quadratic program at most: two or three are the rule
-# curvature lent to variables without any in a quadratic program: of larger ones more rounds, of smaller ones fewer digits
+_FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
+_LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
+_ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
+# regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
 _CURVED = 1e-2
-_ENOUGH = 1e-11  # slope that is left, relative to the costs, at which a quadratic program ends
-_NO_ROW = 1e-12  # share of the longest row below which a row bounds nothing, and is not made longer (a choice)
+_ENOUGH = 1e-11  # gradient residual, relative to the costs, at which a quadratic program ends
+_NO_ROW = 1e-12  # fraction of the longest row below which a row is treated as zero and not normalized
 
 
 class Polish:
-    """A search for a point from which no small step over all peaks near the highest goes lower.
+    """Local search for a stationary point of the maximum over all peaks near the highest.
 
     Parameters
     ----------
     point_at : function
-        From free numbers to the loops there.
+        Maps free parameters to the loops.
     x : ndarray
-        Where to begin.
+        Initial parameters.
     weight : float
-        What a unit of an exceeded bound costs.
+        Penalty weight of constraint violations.
     gain : float
-        Ends where a step promises less, or five together gain less.
+        Predicted decrease of a step below which the search ends; it also ends if six steps decrease by less than ten
+        times this.
     hard : float
-        The rows of a program give way a little, unless no more than this gain is promised then.
+        Predicted decrease up to which the rows of a program are hard constraints.
     """
 
     def __init__(
@@ -68,7 +69,7 @@ class Polish:
         self._H = np.zeros((len(x), len(x)))
 
     def run(self, steps: int) -> Ended:
-        """Return where so many steps, or fewer, end."""
+        """Return the result after at most ``steps`` steps."""
         value = self._point.merit(self._weight)[0]
         if not isfinite(value):
             return Ended(self._point.x, value, 0)
@@ -109,7 +110,7 @@ class Polish:
         return there, there.merit(self._weight)[0]
 
     def _corrected(self, d: Array, pieces: list[Piece], value: float, promised: float) -> tuple[Point, float]:
-        """Return the loops after a step, or lower ones: the program is solved anew for what the pieces have bent to there."""
+        """Return the loops after a step, with second-order corrections while they lower the merit."""
         there, result = self._tried(d)
         for _ in range(_CORRECTIONS):
             if not isfinite(result) or result <= value - _GOOD * promised:
@@ -122,16 +123,16 @@ class Polish:
         return there, result
 
     def _step(self, pieces: list[Piece], value: float, wanted: float) -> tuple[Array, float, Array]:
-        """Return the step of a quadratic program, the gain that it promises, and the multipliers of the pieces.
+        """Return the step of a quadratic program, its predicted decrease, and the multipliers of the active functions.
 
-        Rows give way a little, unless no more than the gain ``wanted`` is promised then.
+        Rows are soft, unless the predicted decrease is then at most ``wanted``.
         """
         x, problem, root = self._point.x, self._point.problem, np.sqrt(self._sizes)  # steps count in natural sizes
         values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
         limits, n, count = np.array([p.limit for p in pieces]), len(x), len(pieces)
         top, some = values[~limits].max(), int(limits.any())
         curved = self._H / root / root[:, None]
-        # the step, the highest objective, and where there are limits by how much the worst is exceeded
+        # variables: the step, the highest objective, and with constraints the worst violation
         m = n + 1 + some
         Q, c, unit = np.zeros((m, m)), np.zeros(m), np.eye(m)
         Q[:n, :n] = curved + self._damping * np.eye(n)
@@ -152,19 +153,19 @@ class Polish:
 
 
 def _sizes(pieces: list[Piece], H: Array) -> Array:
-    """Return squares of the inverse natural sizes of the free numbers: slopes and curvatures."""
+    """Return squared inverse natural sizes of the free parameters, from gradients and curvatures."""
     squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
     return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), TINY))
 
 
 def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
-    """Return the curvature of the Lagrangian, what is negative turned round: so that steps lead away from saddles."""
+    """Return the Hessian of the Lagrangian with negative eigenvalues reversed, so that steps leave saddle points."""
     n = len(point.x)
     H, moved = np.zeros((n, n)), [point.beside(point.x + step) for step in _LITTLE * np.eye(n)]
     for multiplier, piece in zip(multipliers, pieces, strict=True):
         if multiplier <= _ACTIVE or piece.channel < GAIN_LIMIT or not piece.top:
             continue
-        if np.isnan(piece.omega):  # of an H2 norm, by differences of its gradient
+        if np.isnan(piece.omega):  # H2 norm: finite differences of its gradient
             there = [item.h2(piece.model, piece.channel)[1] if item.stable else piece.gradient for item in moved]
             H += multiplier * (np.array(there) - piece.gradient) / _LITTLE
         else:
@@ -182,7 +183,7 @@ def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
 
 
 def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
-    """Return pieces with the values that, with their slopes, are right at a point tried: what they bend is then seen."""
+    """Return active functions with values shifted such that their linearizations are exact at a trial point."""
     return [
         piece if near is None or not piece.top else piece._replace(value=near.value - float(piece.gradient @ d))
         for piece, near in zip(pieces, _nearest(pieces, trial.tops(WINDOW)), strict=True)
@@ -190,12 +191,12 @@ def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
 
 
 def _nearest(pieces: list[Piece], others: list[Height]) -> list[Height | None]:
-    """Return what each piece has become among others; None where nothing near it is the same."""
+    """Match active functions with those of another point; None if one has no counterpart."""
     if not others or not pieces:
         return [None] * len(pieces)
     mine, theirs = np.array([item[:3] for item in pieces])[:, None], np.array([item[:3] for item in others])
     a, b = mine[..., 2], theirs[:, 2]
-    with np.errstate(invalid="ignore"):  # infinity from infinity, and what is no number
+    with np.errstate(invalid="ignore"):  # infinity minus infinity, and nan
         apart = np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
     apart[(a == b) | np.isnan(a)] = 0.0
     apart[(mine[..., :2] != theirs[:, :2]).any(axis=2) | np.isnan(apart)] = inf
@@ -203,7 +204,7 @@ def _nearest(pieces: list[Piece], others: list[Height]) -> list[Height | None]:
 
 
 def _unseen(trial: Point, pieces: list[Piece]) -> "set[tuple[int, int, float]]":
-    """Return what stands out at a point tried and was no piece."""
+    """Return the highest peaks at a trial point that are not among the active functions."""
     result = set()
     for model, channel, omega, *_ in (trial.top, *([trial.over] if trial.over else [])):
         there = [p.omega for p in pieces if (p.model, p.channel) == (model, channel)]
@@ -214,11 +215,11 @@ def _unseen(trial: Point, pieces: list[Piece]) -> "set[tuple[int, int, float]]":
 
 
 def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> float:
-    """Return the length of the least element of the hull of gradients over that of the longest one.
+    """Return the norm of the smallest element of the convex hull of gradients over the largest gradient norm.
 
-    Free numbers count in natural sizes, what points out of the ends is left away: zero where no small step goes lower, one
-    where all pieces fall.  Of a piece alone, whose gradient is both the least and the longest, it is the length itself, and
-    what it bends counts in the natural sizes: in a smooth minimum that is zero.
+    Parameters are in natural sizes, components out of active bounds are removed.  It is 0 at a stationary point and 1 if all
+    functions decrease.  For a single function it is the norm of its gradient, with natural sizes that include its
+    curvature: 0 at a smooth minimum.
     """
     x = point.x
     if not pieces or not len(x):
@@ -242,14 +243,14 @@ def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> 
 
 
 def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Array, Array]:
-    """Return ``y`` that makes ``1/2 y^T H y + c^T y`` least under ``G y <= h``, and the multipliers of the rows of ``G``.
+    """Minimize ``1/2 y^T H y + c^T y`` subject to ``G y <= h``; return ``y`` and the multipliers of the rows of ``G``.
 
-    In coordinates in which all directions curve alike it is the point of a polyhedron that is nearest to the one without
-    rows: its multipliers solve a problem of least squares.  What does not curve is lent some curvature around where it was
-    last, in turn until that costs nothing.
+    In coordinates with unit Hessian, this is the projection of the unconstrained minimum on a polyhedron: the multipliers
+    solve a nonnegative least-squares problem.  Variables without curvature are regularized around their last values
+    (proximal iteration) until the step vanishes.
 
-    ``H`` is positive definite but for variables that do not curve at all, which rows bound.  The problem must have a point at
-    which all rows are met.  Rows, made of length one, may be exceeded by ``give`` times their multipliers.
+    ``H`` is positive definite except for variables without any curvature, which rows bound.  The problem must be feasible.
+    Normalized rows may be exceeded by ``give`` times their multipliers.
     """
     n, m = len(c), len(h)
     size = np.sqrt((G * G).sum(axis=1))
@@ -269,7 +270,7 @@ def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Ar
             break
         try:
             result = nnls(rows, end)[0]
-        except RuntimeError:  # it went on too long
+        except RuntimeError:  # iteration limit
             break
         z = result / (end[n] - rows[n] @ result)
         step = lapack.dtrtrs(root, free + rows[:n] @ z, lower=1, trans=1)[0]
