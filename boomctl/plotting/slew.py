@@ -48,7 +48,7 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     -------
     (n,) ndarray of matplotlib Axes
     """
-    limits = result.plan.problem.limits.given
+    limits = result.plan.problem.limits.by_kind
     there = {
         "torque": result.torque,
         "angle": result.hub_angle,

@@ -17,7 +17,9 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.progress import Deadline, OutOfTimeError
 
-_KEPT = 1e-6  # largest violation of a scaled constraint at which an iterate is feasible: the default rtol of a replay
+_FEASIBLE = (
+    1e-6  # largest violation of a scaled constraint at which an iterate is feasible: the default rtol of a replay
+)
 _LEAST = 1e-3  # smallest wall time limit [s]: IPOPT requires a positive one
 
 
@@ -97,9 +99,9 @@ def noting_interrupts(deadline: SlewDeadline) -> Iterator[None]:
 class _Watch(ca.Callback):
     """Iteration callback of IPOPT; an exception within it is stored and stops the solver."""
 
-    def __init__(self, seen: Callable[[float, Array], None], conditions: int) -> None:
+    def __init__(self, on_iteration: Callable[[float, Array], None], conditions: int) -> None:
         ca.Callback.__init__(self)
-        self.seen, self.sizes = seen, {"f": 1, "g": conditions}
+        self.on_iteration, self.sizes = on_iteration, {"f": 1, "g": conditions}
         self.failed: BaseException | None = None
         self.construct("watch", {})
 
@@ -115,7 +117,7 @@ class _Watch(ca.Callback):
     def eval(self, arg: Any) -> list[int]:
         values = dict(zip(ca.nlpsol_out(), arg, strict=True))
         try:
-            self.seen(float(values["f"]), np.array(values["g"]).ravel())
+            self.on_iteration(float(values["f"]), np.array(values["g"]).ravel())
         except BaseException as error:  # CasADi would suppress it
             self.failed = error
         return [int(self.failed is not None)]
@@ -153,16 +155,18 @@ def solved(
         On an interrupt, after the iteration in which it came.
     """
     deadline.check(stage)
-    told: list[float | None] = [None]
+    objectives: list[float | None] = [None]
 
-    def seen(cost: float, g: Array) -> None:
+    def on_iteration(cost: float, g: Array) -> None:
         """Report an iteration, with the objective of the best feasible iterate so far."""
         violation = float(np.max(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), initial=0.0))
-        kept = [value for value in (told[-1], unit * cost if violation <= _KEPT else None) if value is not None]
-        told.append(min(kept, default=None))
-        deadline.check(f"{stage}, iteration {len(told) - 1}", told[-1], violation)
+        candidates = [
+            value for value in (objectives[-1], unit * cost if violation <= _FEASIBLE else None) if value is not None
+        ]
+        objectives.append(min(candidates, default=None))
+        deadline.check(f"{stage}, iteration {len(objectives) - 1}", objectives[-1], violation)
 
-    watch = _Watch(seen, arguments["lbg"].size)
+    watch = _Watch(on_iteration, arguments["lbg"].size)
     options = options | {"iteration_callback": watch}
     if deadline.limit < inf:
         options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _LEAST)

@@ -36,7 +36,7 @@ class Kind(NamedTuple):
     """
 
     n: int
-    places: tuple[Places, ...]
+    layouts: tuple[Places, ...]
     equations: ca.Function | None
 
 
@@ -50,12 +50,12 @@ def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
     """
     if plant in _KIND_OF:
         return _KIND_OF[plant]
-    given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
+    matrices, equations, constants = [plant.A, plant.B], None, np.zeros(0)
     if plant.machine is not None:
         equations, constants = plant.planned_machine._casadi_equations()
-        given += [plant.to_state, plant.from_state, plant.frequencies]
-    places, own = lifted(given)
-    kind = Kind(plant.n, places, equations)
+        matrices += [plant.to_state, plant.from_state, plant.frequencies]
+    layouts, own = lifted(matrices)
+    kind = Kind(plant.n, layouts, equations)
     return _KIND_OF.setdefault(plant, (kind, np.concatenate([own, constants])))
 
 
@@ -63,7 +63,7 @@ class _Symbols:
     """A plant whose constants are symbols."""
 
     def __init__(self, kind: Kind) -> None:
-        own, matrices = symbols(kind.places)
+        own, matrices = symbols(kind.layouts)
         self.kind, self.n, self.constants = kind, kind.n, own
         self.A, self.B = matrices[0], matrices[1]
         self.frequencies: Any = None
@@ -113,8 +113,8 @@ def rate_hessian_of(kind: Kind) -> ca.Function:
 def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Array) -> tuple[Array, Array]:
     """Return the first and second time derivatives of ``row z`` at k states under torques with given slopes."""
     (kind, constants), count = kind_of(plant), len(z)
-    given = z.T, torque[None], slope[None], np.tile(row[:, None], count), np.tile(constants[:, None], count)
-    first, second = (np.array(item).ravel() for item in _row_rates(kind).map(count)(*given))
+    arguments = z.T, torque[None], slope[None], np.tile(row[:, None], count), np.tile(constants[:, None], count)
+    first, second = (np.array(item).ravel() for item in _row_rates(kind).map(count)(*arguments))
     return first, second
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, Steps, end_map
+from boomctl.slew.end_map import MOST_STEPS, STEP_FRACTION, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
@@ -55,7 +55,7 @@ class _Local:
             at = np.nonzero(met)
             rows, wanted = self.P[at], met[at] * self.most[at[0]] - self.rest[at]
             result = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
-            if result.missed > ALIKE:
+            if result.residual > ALIKE:
                 return None
             if not len(self.P):
                 return result, met
@@ -126,16 +126,16 @@ class _Mesh:
                 return local, result, met
         return None
 
-    def led(self, local: _Local, found: Clipped, met: Array, parts: int) -> tuple[Clipped, float, float]:
+    def led(self, local: _Local, result: Clipped, met: Array, parts: int) -> tuple[Clipped, float, float]:
         """Correct torques for other steps by the same derivatives; return them and the end residual before and after."""
         at = np.nonzero(met)
         rows, values = np.vstack([local.G, local.P[at]]), met[at] * self.most[at[0]] - local.rest[at]
-        defects = [self.ends.defect(self.steps(found.torques, parts))]
+        defects = [self.ends.defect(self.steps(result.torques, parts))]
         while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.planning_rtol and len(defects) <= _CHORDS:
-            wanted = np.concatenate([local.G @ found.torques - defects[-1], values])
-            found = clipped(rows, wanted, self.limit, found.weights)
-            defects.append(self.ends.defect(self.steps(found.torques, parts)))
-        return found, float(np.abs(defects[0]).max()), float(np.abs(defects[-1]).max())
+            wanted = np.concatenate([local.G @ result.torques - defects[-1], values])
+            result = clipped(rows, wanted, self.limit, result.weights)
+            defects.append(self.ends.defect(self.steps(result.torques, parts)))
+        return result, float(np.abs(defects[0]).max()), float(np.abs(defects[-1]).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,7 +176,7 @@ def effort_on_mesh(
         Solution for other limits on the same mesh, as the starting point.
     """
     first = least_effort(problem, duration, intervals).history if before is None else before.history
-    watched = [(kind, part) for kind in limits.beside_torque for part in problem.parts]
+    watched = [(kind, part) for kind in limits.without_torque for part in problem.parts]
     lines = np.zeros((len(watched), problem.start.size))
     for line, (kind, (plant, own)) in zip(lines, watched, strict=True):
         line[own] = plant.rows[kind]
@@ -188,13 +188,13 @@ def effort_on_mesh(
     if answer is None:
         return None
     local, result, met = answer
-    missed = np.inf
-    while missed > STEP_SHARE * problem.planning_rtol:
+    error = np.inf
+    while error > STEP_FRACTION * problem.planning_rtol:
         parts *= 2
         if parts * intervals > MOST_STEPS:
             return None
-        result, missed, left = mesh.led(local, result, met, parts)
-        if not left <= STEP_SHARE * problem.planning_rtol:
+        result, error, left = mesh.led(local, result, met, parts)
+        if not left <= STEP_FRACTION * problem.planning_rtol:
             return None
     pairs = np.arange(0, intervals, 2)
     joined = replace(local, d=local.G @ result.torques).joined(pairs)

@@ -17,7 +17,7 @@ from boomctl.slew.linear import guess_from
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile
 
-STEP_SHARE = 0.5  # fraction of the tolerance by which halved steps may change the end; their error is 1/15 of it
+STEP_FRACTION = 0.5  # fraction of the tolerance by which halved steps may change the end; their error is 1/15 of it
 _AT_ONCE = 3 * 10**7  # instructions of CasADi between two checks of the deadline: a tenth of a second
 MOST_STEPS = 20000  # steps of a motion at most; rounding errors grow with their number
 
@@ -187,11 +187,11 @@ class EndMap:
             motions.append((z, jacobians))
         return Sensitivity(steps, end, by_torque, by_width, tuple(motions))
 
-    def hessian(self, found: Sensitivity, weights: Array) -> Array:
+    def hessian(self, linearization: Sensitivity, weights: Array) -> Array:
         """Return the second derivatives of the weighted terminal state by the durations of the arcs, q x q."""
-        u, h, moved = found.steps.u, found.steps.h, found.steps.moved
+        u, h, moved = linearization.steps.u, linearization.steps.h, linearization.steps.moved
         total = np.zeros((moved.shape[1], moved.shape[1]))
-        parts = zip(self._steppers, self.problem.parts, found.motions, strict=True)
+        parts = zip(self._steppers, self.problem.parts, linearization.motions, strict=True)
         for stepper, (plant, own), (z, jacobians) in parts:
             n = plant.n
             check = partial(self.problem.deadline.check, f"curvature of the end over {u.size} steps")

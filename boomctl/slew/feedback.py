@@ -92,19 +92,19 @@ def linearized_along(modes: MachineModes, measured: list[int], states: Array, to
     import casadi as ca
 
     z, u, others = ca.SX.sym("z", states.shape[1]), ca.SX.sym("u"), len(modes.input_labels) - 1
-    given = ca.vertcat(u, ca.SX.zeros(others))
+    inputs = ca.vertcat(u, ca.SX.zeros(others))
     now, count = z, steps_for(modes, step)
     for _ in range(count):
-        now = exponential_step(modes.rest, modes.omega, step / count, now, given, given)
+        now = exponential_step(modes.rest, modes.omega, step / count, now, inputs, inputs)
     moved = np.tile(moved_by(modes.push[:, 0]), 2)
-    kept = np.flatnonzero(moved).tolist()
-    both = ca.vertcat(z[kept], u)
-    read = modes.read(z, given)[0][measured]
-    flow = ca.Function("flow", [z, u], [ca.densify(ca.jacobian(now[kept], both))])
-    seen = ca.Function("seen", [z, u], [ca.densify(ca.jacobian(read, both))])
+    selected = np.flatnonzero(moved).tolist()
+    both = ca.vertcat(z[selected], u)
+    read = modes.read(z, inputs)[0][measured]
+    flow = ca.Function("flow", [z, u], [ca.densify(ca.jacobian(now[selected], both))])
+    measurement = ca.Function("measurement", [z, u], [ca.densify(ca.jacobian(read, both))])
     held, before = np.append(torques, 0.0), np.append(0.0, torques)
     AB = _stacked(flow.map(len(held))(states.T, held[None]), len(held))
-    CD = _stacked(seen.map(len(held))(states.T, before[None]), len(held))
+    CD = _stacked(measurement.map(len(held))(states.T, before[None]), len(held))
     return Along(AB[..., :-1], AB[..., -1], CD[..., :-1], CD[..., -1], moved)
 
 
@@ -185,11 +185,11 @@ def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, s
     return gains
 
 
-def _stationary(A: Array, B: Array, Q: Array, R: Array, refusal: str = "") -> Array:
+def _stationary(A: Array, B: Array, Q: Array, R: Array, message: str = "") -> Array:
     try:
         return solve_discrete_are(A, B, Q, R)
     except (LinAlgError, ValueError) as error:
-        raise ValueError(f"{refusal or 'tracking_weight'}: {error}") from None
+        raise ValueError(f"{message or 'tracking_weight'}: {error}") from None
 
 
 def controller_along(
@@ -202,16 +202,16 @@ def controller_along(
     """
     count, n = along.b.shape
     size, p = n + 2, len(inputs)
-    seen = np.concatenate([along.C, along.D[..., None], along.D[..., None]], axis=2)
+    outputs = np.concatenate([along.C, along.D[..., None], along.D[..., None]], axis=2)
     correct = np.concatenate([F, np.zeros((count, 1, p))], axis=1)
-    kept = np.eye(size) - correct @ seen
+    rest = np.eye(size) - correct @ outputs
     G = np.concatenate([K, -np.ones((count, 1)), np.zeros((count, 1))], axis=1)[:, None, :]
     moving, arriving = np.zeros((count, size, size)), np.zeros((count, size, 1))
     moving[:, :n, :n], moving[:, :n, n], moving[:, n, n] = along.A, along.b, 1.0
     arriving[:, :n, 0], arriving[:, n + 1, 0] = along.b, 1.0
     following = moving + arriving @ G
     return TimeVaryingController(
-        A=following @ kept, B=following @ correct, C=G @ kept, D=G @ correct, input_labels=inputs, output_labels=(output,),
+        A=following @ rest, B=following @ correct, C=G @ rest, D=G @ correct, input_labels=inputs, output_labels=(output,),
         dt=step, anti_windup_gain=arriving,
     )  # fmt: skip
 
@@ -240,8 +240,8 @@ def slowest_pole(
     ValueError
         If the loop is not stable.
     """
-    step, kept = controller.dt, along.moved
-    into, back = modes.from_state[kept], modes.to_state[:, kept]
+    step, selected = controller.dt, along.moved
+    into, back = modes.from_state[selected], modes.to_state[:, selected]
     machine = Lti(
         into @ linear.A @ back,
         into @ linear.B[:, :1],

@@ -16,7 +16,7 @@ _REGULAR = 1e-12  # regularization of a Gram matrix of unit rows, if few interva
 _ARMIJO = 1e-4  # accept a Newton step if the decrease is at least this fraction of the predicted one
 _NEARER = 0.5  # accept a full Newton step without line search if it reduces the residual by this factor
 _SHORTEST = 1e-6  # smallest damping factor of a Newton step; below it the torque limit is too low for the time
-_UNSEEN = 1e-9, 1e-6  # states below the first fraction of the largest are scaled by the second fraction of it
+_NEGLIGIBLE = 1e-9, 1e-6  # states below the first fraction of the largest are scaled by the second fraction of it
 _MESH = 800  # intervals at least for the lower bound on the effort; more of them tighten it
 _POINTS = 4  # Gauss points per interval: order 8, rounding error on such a mesh
 
@@ -57,13 +57,13 @@ def flow(problem: SlewProblem) -> LinearFlow:
 class LeastEffort:
     """Minimum-effort slew of the linear part: the torque, and the costate c at the end.
 
-    ``u = c^T exp(A (T - t)) B``, clipped at the limit.  ``missed`` is the residual of the end conditions, relative to the
+    ``u = c^T exp(A (T - t)) B``, clipped at the limit.  ``residual`` is that of the end conditions, relative to the
     largest of them: rounding error, unless the limit is too low for the time.
     """
 
     history: TorqueProfile
     costate: Array
-    missed: float
+    residual: float
 
 
 def least_effort(problem: SlewProblem, duration: float, intervals: int) -> LeastEffort:
@@ -76,7 +76,7 @@ def least_effort(problem: SlewProblem, duration: float, intervals: int) -> Least
     d = problem.ends @ (problem.target - linear.step(duration)[0] @ problem.start)
     result = clipped(G, d, problem.limits.torque)
     costate = result.weights @ problem.ends * (duration / intervals)
-    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), result.torques), costate, result.missed)
+    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), result.torques), costate, result.residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ class Clipped:
 
     torques: Array
     weights: Array
-    missed: float
+    residual: float
 
 
 def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None) -> Clipped:
@@ -111,22 +111,22 @@ def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None
         defect = wanted - rows @ u
         return u, defect, float(np.abs(defect).max() / np.abs(wanted).max())
 
-    u, defect, missed = missing(c)
+    u, defect, residual = missing(c)
     for _ in range(_NEWTON):
-        if missed <= SOLVED:  # relative residual at rounding level
+        if residual <= SOLVED:  # relative residual at rounding level
             break
         inner = rows[:, np.abs(u) < limit]
         move = np.linalg.lstsq(inner @ inner.T + _REGULAR * np.eye(c.size), defect, rcond=1e-14)[0]
         whole = missing(c + move)
-        if whole[2] > _NEARER * missed:  # insufficient decrease by the full step: line search on the dual
+        if whole[2] > _NEARER * residual:  # insufficient decrease by the full step: line search on the dual
             size, before = 1.0, dual(c)
             while size > _SHORTEST and dual(c + size * move) > before - _ARMIJO * size * float(move @ defect):
                 size *= 0.5
             if size <= _SHORTEST:
                 break
             move, whole = size * move, missing(c + size * move)
-        c, (u, defect, missed) = c + move, whole
-    return Clipped(u, c / scale, missed)
+        c, (u, defect, residual) = c + move, whole
+    return Clipped(u, c / scale, residual)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +151,8 @@ class Guess:
     def sizes(self) -> Array:
         """Largest absolute value of each state; a fraction of the largest state where it is zero."""
         sizes = np.abs(self.states).max(axis=0)
-        seen, instead = _UNSEEN
-        return np.where(sizes > seen * sizes.max(), sizes, instead * sizes.max())
+        negligible, instead = _NEGLIGIBLE
+        return np.where(sizes > negligible * sizes.max(), sizes, instead * sizes.max())
 
 
 def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:

@@ -101,12 +101,14 @@ class TrackingStudy:
         return import_module("boomctl.plotting.slew").plot_tracking_study(self, ax, **style)
 
 
-def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, center: float | None, nominal: float) -> Array:
+def drawn(
+    name: str, distribution: Any, runs: int, rng: np.random.Generator, center: float | None, nominal: float
+) -> Array:
     """Return a sample of a distribution, one value per run.
 
     Parameters
     ----------
-    given : None, float, (low, high), or (runs,) array_like
+    distribution : None, float, (low, high), or (runs,) array_like
         None: nominal. Number: the same in all runs, or a relative half-width if there is a center. Two numbers: uniform
         between them. Array: one value per run; with two runs, two numbers are an array.
     center : float or None
@@ -117,11 +119,11 @@ def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, center: fl
     TypeError, ValueError
     """
     even = rng.random(runs)  # always drawn, so that the samples do not depend on each other
-    if given is None:
+    if distribution is None:
         return np.full(runs, nominal)
-    values = plain_array(name, given)
+    values = plain_array(name, distribution)
     if values.ndim == 0:
-        width = real(name, given)
+        width = real(name, distribution)
         if center is None:
             return np.full(runs, width)
         if not 0.0 <= width < 1.0:

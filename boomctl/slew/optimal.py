@@ -41,7 +41,7 @@ from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs, led_to_end
 from boomctl.slew.least_time.switching import least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
-from boomctl.slew.nlp.programme import Solution
+from boomctl.slew.nlp.program import Solution
 from boomctl.slew.nlp.refinement import refined, solved, within_limits
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.objectives import OBJECTIVES
@@ -65,26 +65,26 @@ _LONGER = 1.5  # duration of an initial guess with limits other than the torque'
 class Planned:
     """Data of a result for replanning: arguments, problem, and a nonlinear program with its solution."""
 
-    asked: dict[str, Any]
+    arguments: dict[str, Any]
     problem: SlewProblem
-    programme: Transcription | None
+    program: Transcription | None
     solution: Solution | None
 
     __repr__ = compact
 
 
-def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
+def _nonlinear_program(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
     """Solve a nonlinear program on a mesh; if its torque is bang-bang, then optimize the durations of its arcs."""
     if least is None or not problem.fastest:
         duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
         least = least_effort(problem, duration, problem.intervals or MESHES[0]).history
-    found, limit = refined(problem, least), problem.limits.torque
+    candidate, limit = refined(problem, least), problem.limits.torque
     if problem.fastest:
         bang, ran = least_time_arcs(
-            problem, arcs_behind(found.history.start_values / limit, found.history.duration, limit)
+            problem, arcs_behind(candidate.history.start_values / limit, candidate.history.duration, limit)
         )
-        return replace(bang or found, stages=(*found.stages, *ran))
-    return found
+        return replace(bang or candidate, stages=(*candidate.stages, *ran))
+    return candidate
 
 
 def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ...]]:
@@ -94,11 +94,11 @@ def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ..
     mesh half as fine, or twice as fine if that has no solution. None if a limit is too low (a nonlinear program then
     reports where) or Newton's method fails, on the two coarsest meshes.
     """
-    asked = problem.intervals
-    proved = problem.linear and not problem.limits.beside_torque
+    requested = problem.intervals
+    proved = problem.linear and not problem.limits.without_torque
     result, stages, gap = None, (), inf
     try:
-        for intervals in MESHES if asked is None else (asked,):
+        for intervals in MESHES if requested is None else (requested,):
             stages = (*stages, f"least effort on {intervals} intervals")
             finer = _effort_within(problem, intervals)
             if finer is None:
@@ -125,16 +125,16 @@ def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
     """Compute the least effort on a mesh; tighten limits until the replay satisfies them between the nodes too, or None."""
     duration, limits = problem.duration, problem.limits
     assert duration is not None
-    if not limits.beside_torque and problem.linear:
+    if not limits.without_torque and problem.linear:
         least = least_effort(problem, duration, intervals)
-        return Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
+        return Candidate(least.history, "least effort", inf, "proved") if least.residual <= ALIKE else None
     result = None
     for _ in range(ROUNDS):
         result = effort_on_mesh(problem, duration, intervals, limits, result)
         if result is None:
             return None
         candidate = Candidate(result.history, "least effort", result.more, "stationary")
-        if not limits.beside_torque:
+        if not limits.without_torque:
             return candidate
         motions = played(problem, candidate.history)
         excess = violation(problem, candidate.history, motions)
@@ -235,7 +235,7 @@ def optimal_slew(
     """
     if torque_limit is None:
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
-    asked = {
+    arguments = {
         "h": system,
         "angle": _turned(is_statespace(system), angle, angle_deg),
         "limits": Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
@@ -249,7 +249,7 @@ def optimal_slew(
         "intervals": intervals,
     }
     with _search(time_limit, progress) as deadline:
-        return _planned(asked, slew_problem(**asked, deadline=deadline))
+        return _planned(arguments, slew_problem(**arguments, deadline=deadline))
 
 
 @contextmanager
@@ -257,7 +257,7 @@ def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None
     """Limit the time of a search and report its progress, by default to the listeners of computations."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda seen: tell(seen.stage)))
+    deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda item: tell(item.stage)))
     try:
         with computing("optimal slew"), noting_interrupts(deadline):
             yield deadline
@@ -281,31 +281,34 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
     return angle
 
 
-def _planned(asked: dict[str, Any], problem: SlewProblem, before: Planned | None = None) -> SlewResult:
+def _planned(arguments: dict[str, Any], problem: SlewProblem, before: Planned | None = None) -> SlewResult:
     """Plan a slew, from an earlier nonlinear program if any, and certify it.
 
     With axial modes, which planning neglects, switching times are corrected if necessary.
     """
-    if before is None or before.programme is None or before.solution is None:
-        found = _searched(problem)
+    if before is None or before.program is None or before.solution is None:
+        candidate = _searched(problem)
     else:
-        found = within_limits(problem, solved(problem, before.programme, before.solution, problem.limits))
-        found = replace(found, stages=("collocation, solved again on its mesh",))
-    motions = played(problem, found.history) if found.motions is None else found.motions
+        candidate = within_limits(problem, solved(problem, before.program, before.solution, problem.limits))
+        candidate = replace(candidate, stages=("collocation, solved again on its mesh",))
+    motions = played(problem, candidate.history) if candidate.motions is None else candidate.motions
     if problem.stretches:
-        found = replace(found, stages=("planned without axial modes", *found.stages))
-        ends = end_map(problem, found.history)
-        for _ in range(ROUNDS if found.method == "switching times" else 0):
+        candidate = replace(candidate, stages=("planned without axial modes", *candidate.stages))
+        ends = end_map(problem, candidate.history)
+        for _ in range(ROUNDS if candidate.method == "switching times" else 0):
             if prescribed_error(problem, motions) <= problem.rtol:
                 break
             end = np.concatenate([motion.coordinates[-1] for motion in motions])
-            corrected = led_to_end(ends, found.history, ends.rows @ end - ends.target)
+            corrected = led_to_end(ends, candidate.history, ends.rows @ end - ends.target)
             if corrected is None:
                 break
             problem.deadline.check("switching times corrected with axial modes", corrected.duration)
-            motions, stages = played(problem, corrected), (*found.stages, "switching times corrected with axial modes")
-            found = replace(found, history=corrected, stages=tuple(dict.fromkeys(stages)))
-    return _certified(asked, problem, replace(found, motions=motions))
+            motions, stages = (
+                played(problem, corrected),
+                (*candidate.stages, "switching times corrected with axial modes"),
+            )
+            candidate = replace(candidate, history=corrected, stages=tuple(dict.fromkeys(stages)))
+    return _certified(arguments, problem, replace(candidate, motions=motions))
 
 
 def _searched(problem: SlewProblem) -> Candidate:
@@ -329,7 +332,7 @@ def _searched(problem: SlewProblem) -> Candidate:
     if problem.objective == "effort" and problem.limits.torque_rate is None:
         result, stages = _least_effort(problem)
     if result is None:
-        result = _programme(problem, least)
+        result = _nonlinear_program(problem, least)
         stages += result.stages
     return replace(result, stages=stages)
 
@@ -387,22 +390,22 @@ def replan(
     before = instance("result", result, SlewResult).plan
     if before is None:
         raise ValueError("result: expected a slew that optimal_slew planned; plan this one again")
-    asked = dict(before.asked)
+    arguments = dict(before.arguments)
     if angle is not None or angle_deg is not None:
         if before.problem.angle is None or not before.problem.waits:
             raise ValueError("angle: expected None, for the slew had a free angle or given states")
-        asked["angle"] = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
+        arguments["angle"] = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
     if torque_limit is not None:
-        asked["limits"] = replace(before.problem.limits, torque=torque_limit)
+        arguments["limits"] = replace(before.problem.limits, torque=torque_limit)
     with _search(time_limit, progress) as deadline:
-        return _planned(asked, slew_problem(**asked, deadline=deadline), before)
+        return _planned(arguments, slew_problem(**arguments, deadline=deadline), before)
 
 
-def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) -> SlewResult:
+def _certified(arguments: dict[str, Any], problem: SlewProblem, candidate: Candidate) -> SlewResult:
     """Evaluate a torque by its replay, and build the result."""
     # the stored problem has no callback
-    history, deadline, problem = found.history, problem.deadline, replace(problem, deadline=SlewDeadline())
-    motions = found.motions
+    history, deadline, problem = candidate.history, problem.deadline, replace(problem, deadline=SlewDeadline())
+    motions = candidate.motions
     assert motions is not None
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
@@ -412,16 +415,16 @@ def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) ->
             f"the replay ends {error:.1e} off the end state; expected at most {problem.rtol:.1e}. A larger rtol{other} may do"
         )
     certificate = SlewCertificate(
-        method=found.method,
+        method=candidate.method,
         terminal_error=whole,
         prescribed_terminal_error=error,
         free_terminal_errors=free,
         constraint_violation=max(excess.values()),
         active_constraints=binding(problem, history, motions),
-        optimality_gap=found.gap,
-        optimality_status=found.optimality,
-        n_switches=int(history.switching_times.size) if found.method == "switching times" else None,
-        intervals=None if found.method == "switching times" else int(history.start_values.size),
+        optimality_gap=candidate.gap,
+        optimality_status=candidate.optimality,
+        n_switches=int(history.switching_times.size) if candidate.method == "switching times" else None,
+        intervals=None if candidate.method == "switching times" else int(history.start_values.size),
     )
     history = replace(history, unit=problem.plants[0].labels["torque"][1])
     paths = [(plant, item.time, item.coordinates) for plant, item in zip(problem.plants, motions, strict=True)]
@@ -443,8 +446,8 @@ def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) ->
         certificate=certificate,
         torque_profile=history,
         _others=partial(other_models, problem, history),
-        plan=Planned(asked, problem, found.programme, found.solution),
-        stages=found.stages,
+        plan=Planned(arguments, problem, candidate.program, candidate.solution),
+        stages=candidate.stages,
         small_deformation_until=first.small_deformation_until,
         elapsed=deadline.elapsed,
     )

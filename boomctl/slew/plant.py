@@ -237,9 +237,9 @@ def plant_of(h: object) -> SlewPlant:
         If the system is discrete, has direct feedthrough from torque to angle or speed, or is not finite.
     """
     if is_machine(h):
-        kept = _beam(h)
+        plant = _beam(h)
         # equal beams may differ in fields that comparison ignores
-        return kept if kept.machine is h else replace(kept, machine=h)
+        return plant if plant.machine is h else replace(plant, machine=h)
     return _linear(lti.of(h, "system", "a hub-beam with an equation of motion, or a control.StateSpace"))
 
 

@@ -40,7 +40,7 @@ MESH_GAP = 1e-4  # relative change of the cost by a halved mesh at which refinem
 ROUNDS = 10  # solutions on a mesh at most, with tighter limits in each
 _TIGHTER, _AT_LEAST = 1.1, 1e-6  # factor on the relative excess, and offset, by which a limit is tightened
 AT_LIMIT = 0.999  # fraction of a limit above which it counts as active
-_SHARE = 0.1  # initial guess of the time to bring a state to rest, as a fraction of the slowest time constant
+_START_FRACTION = 0.1  # initial guess of the time to bring a state to rest, as a fraction of the slowest time constant
 _LEAST = 1e-9  # shortest initial guess of a time [s]: keeps logarithms finite
 _MOST_PERIODS = 100  # longest slew in periods of a beam's slowest vibration: limits the run time of searches
 _SHORTER = 0.9  # fraction of the rigid body's least time accepted for a beam, whose inertia decreases in bending
@@ -76,24 +76,24 @@ class Limits:
                 object.__setattr__(self, kind, positive(f"{kind}_limit", value))
 
     @property
-    def given(self) -> dict[str, float]:
+    def by_kind(self) -> dict[str, float]:
         """Limits by kind, the torque's first."""
         return {kind: value for kind, value in vars(self).items() if value is not None}
 
     @property
-    def beside_torque(self) -> dict[str, float]:
+    def without_torque(self) -> dict[str, float]:
         """Limits other than the torque's, by kind."""
-        return {kind: value for kind, value in self.given.items() if kind != "torque"}
+        return {kind: value for kind, value in self.by_kind.items() if kind != "torque"}
 
     def most(self, kind: str) -> float:
         """Return the limit of a kind; infinite if there is none."""
-        return self.given.get(kind, math.inf)
+        return self.by_kind.get(kind, math.inf)
 
     def tightened(self, excess: Mapping[str, float]) -> Limits:
         """Return limits reduced by the relative excess of a motion; the torque limit is unchanged."""
         smaller = {
             kind: limit / (1.0 + _TIGHTER * excess[kind] + _AT_LEAST * (excess[kind] > 0.0))
-            for kind, limit in self.beside_torque.items()
+            for kind, limit in self.without_torque.items()
         }
         return replace(self, **smaller)
 
@@ -154,7 +154,7 @@ class SlewProblem:
     @property
     def fastest(self) -> bool:
         """True for minimum time under the torque limit only: the torque is bang-bang."""
-        return self.objective == "time" and not self.limits.beside_torque
+        return self.objective == "time" and not self.limits.without_torque
 
     @property
     def ramps(self) -> bool:
@@ -209,10 +209,10 @@ class SlewProblem:
         torque = self.limits.torque / first.inertia
         if self.waits:
             rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
-            return rigid if first.still(start) else max(rigid, _SHARE / first.slowest, _LEAST)
+            return rigid if first.still(start) else max(rigid, _START_FRACTION / first.slowest, _LEAST)
         fast = max(abs(float(first.rows["speed"] @ z)) for z in (start, end))
         dash = 2.0 * turn / (fast + math.sqrt(fast**2 + 2.0 * torque * turn)) if turn > 0.0 else 0.0
-        return max(0.5 * dash, change / torque, _SHARE / first.slowest, _LEAST)
+        return max(0.5 * dash, change / torque, _START_FRACTION / first.slowest, _LEAST)
 
 
 def warn_of_turns(angle: float) -> None:
@@ -250,7 +250,7 @@ def slew_problem(
     masses = tuple(nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg"))
     plants = _plants(h, masses)
     for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        limited = kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)
+        limited = kind in limits.by_kind or (kind == "tip" and OBJECTIVES[objective].bounds_tip)
         if limited and kind not in plants[0].rows:
             raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
     turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
@@ -299,7 +299,7 @@ def _end_conditions(
     if final is not None and final_speed != 0.0:
         raise ValueError("final_state: expected None with final_speed; give one of the two")
 
-    def given(name: str, value: ArrayLike) -> Array:
+    def checked_state(name: str, value: ArrayLike) -> Array:
         x = finite_array(name, value, 1)
         if first.machine is not None:
             raise ValueError(f"{name}: expected None for a hub-beam, which begins at rest and ends in steady rotation")
@@ -307,10 +307,10 @@ def _end_conditions(
             raise ValueError(f"{name}: expected {first.n} numbers, one a state, got {x.size}")
         return first.from_state @ x
 
-    start = first.rest(0.0, 0.0) if initial is None else given("initial_state", initial)
+    start = first.rest(0.0, 0.0) if initial is None else checked_state("initial_state", initial)
     begin = float(first.rows["angle"] @ start)
     rested = first.rest(begin + (angle or 0.0), final_speed)
-    target = rested if final is None else given("final_state", final)
+    target = rested if final is None else checked_state("final_state", final)
     led = float(first.rows["angle"] @ target) - begin
     # rounding of printed states is accepted
     if final is not None and angle is not None and abs(led - angle) > ALIKE * max(abs(led), abs(angle)):
@@ -339,7 +339,7 @@ def _check_feasible(problem: SlewProblem) -> None:
         raise ValueError("duration: the plant comes to its end state by itself; expected a slew that needs a torque")
     last = "final_speed" if problem.final_speed else "final_state"
     for name, state, t in (("initial_state", problem.start, "0"), (last, problem.target, "t_f")):
-        for kind in (kind for kind in limits.given if kind in plant.rows):
+        for kind in (kind for kind in limits.by_kind if kind in plant.rows):
             size = abs(float(plant.rows[kind] @ state[own]))
             if size > limits.most(kind) * (1.0 + ALIKE):
                 raise SlewError(

@@ -63,7 +63,7 @@ class Candidate:
     gap : float
         Relative optimality gap; infinite if unknown.
     optimality : str
-    programme, solution : object or None
+    program, solution : object or None
         Nonlinear program and its solution, if one was solved.
     motions : tuple of Motion or None
         Replay of all plants; None before it.
@@ -75,7 +75,7 @@ class Candidate:
     method: str
     gap: float
     optimality: str
-    programme: Any = None
+    program: Any = None
     solution: Any = None
     motions: tuple[Motion, ...] | None = None
     stages: tuple[str, ...] = ()
@@ -84,7 +84,7 @@ class Candidate:
 def played(problem: SlewProblem, history: TorqueProfile) -> tuple[Motion, ...]:
     """Simulate all plants of a problem under a torque; limited motion is sampled at the rate of the fastest vibration."""
     samples, widths = _SAMPLES, np.diff(history.edges)
-    if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
+    if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.without_torque) - {"torque_rate"}:
         turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
         if _IN_PERIOD * turns > _MOST_SAMPLES:
             warn_user(
@@ -151,10 +151,10 @@ def _followed(
     """Return limit, times and absolute values of all limited quantities, for the plant with the largest value."""
     peaks = np.maximum(np.abs(history.start_values), np.abs(history.end_values))
     values = {"torque": (problem.limits.torque, history.edges[:-1], peaks)}
-    for kind, limit in problem.limits.beside_torque.items():
+    for kind, limit in problem.limits.without_torque.items():
         if kind == "torque_rate":
-            slopes = np.abs((history.end_values - history.start_values) / np.diff(history.edges))
-            values[kind] = (limit, history.edges[:-1], slopes)
+            rates = np.abs((history.end_values - history.start_values) / np.diff(history.edges))
+            values[kind] = (limit, history.edges[:-1], rates)
             continue
         sizes = [
             np.abs(motion.coordinates @ plant.rows[kind]) for motion, plant in zip(motions, problem.plants, strict=True)

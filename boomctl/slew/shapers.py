@@ -17,7 +17,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
 from boomctl.slew.plant import SlewMachine, is_machine, plant_of
-from boomctl.slew.torque import APART, TorqueProfile, held
+from boomctl.slew.torque import TIME_RTOL, TorqueProfile, held
 from boomctl.threads import one_blas_thread
 
 _RISE = 0.1  # rise time of a smoothed bang-bang over the duration, as in Junkins, Rahman and Bang (1991)
@@ -280,6 +280,6 @@ def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueProfile:
     steps = (train.amplitudes[:, None] * jumps[None, :]).ravel()
     order = np.argsort(times, kind="stable")
     ascending = times[order]
-    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > APART * ascending[-1])
+    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > TIME_RTOL * ascending[-1])
     total = np.add.reduceat(steps[order], first)
     return held(ascending[first], np.cumsum(total)[:-1])

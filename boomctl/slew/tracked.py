@@ -46,13 +46,13 @@ from boomctl.threads import one_blas_thread
 
 _FEWEST = 8  # samples of a slew at least: fewer would not resolve it
 _SETTLE = 4.0  # default dwell time in slowest periods
-_JUDGED = 1.5  # slowest periods after the end in which the residual vibration is evaluated, as for all slews
+_VIBRATION_PERIODS = 1.5  # slowest periods after the end in which the residual vibration is evaluated, as for all slews
 _RESERVE = 1.5  # default torque limit over that of the planning: a minimum-time slew leaves no reserve
 _DISTURBED = 0.1  # default standard deviation of the disturbance torque of the observer, over the torque limit
 _LEAST_WEIGHT = 1e-9  # smallest tracking weight, and inverse of the largest: conditioning of the Riccati equation
 _MOST_SAMPLES = 1e5  # samples of a slew at most: limits the memory for the time-varying matrices
 _MOST_RUNS = 100_000  # runs of a study at most: limits its memory
-_KEPT = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")  # stored outputs of all runs
+_OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")  # stored outputs of all runs
 _CREEP = 0.01  # hub speed at which friction is three quarters of its torque [rad/s]: about 1 % of a slew's
 
 
@@ -264,15 +264,15 @@ class TrackedSlew:
         count, start = whole("runs", runs, most=_MOST_RUNS), whole("seed", seed, least=0)
         rng = np.random.default_rng(start)
         mass = self.plant.parameters.tip_mass
-        given = {
+        parameters = {
             "tip_mass": drawn("tip_mass", tip_mass, count, rng, None, mass),
             "stiffness": drawn("stiffness", stiffness, count, rng, 1.0, 1.0),
             "friction": drawn("friction", friction, count, rng, None, 0.0),
             "disturbance_torque": drawn("disturbance_torque", disturbance_torque, count, rng, None, 0.0),
         }
         for name, check in (("tip_mass", nonnegative), ("friction", nonnegative), ("stiffness", positive)):
-            check(name, float(given[name].min()))
-        if (most := float(given["friction"].max())) > self.torque_limit:
+            check(name, float(parameters[name].min()))
+        if (most := float(parameters["friction"].max())) > self.torque_limit:
             raise ValueError(
                 f"`friction` must be at most the torque limit, {self.torque_limit:g} N m, beyond which the hub does not move,"
                 f" got {most:g}. Use less friction, or a larger torque limit."
@@ -283,7 +283,7 @@ class TrackedSlew:
 
         def run(i: int) -> tuple[Array, float]:
             """Return the outputs of one machine, the torque last, and their error [m]."""
-            mass, stiffness, rubbing, push = (float(row[i]) for row in given.values())
+            mass, stiffness, rubbing, push = (float(row[i]) for row in parameters.values())
             loop = self.simulate(
                 self.plant.with_tip_mass(mass).with_stiffness_factor(stiffness),
                 feedback=reacts,
@@ -297,7 +297,7 @@ class TrackedSlew:
                 rtol=rtol,
                 atol=atol,
             )
-            return np.array([*(loop[name] for name in _KEPT), loop.controls["torque"]]), loop.error_estimate
+            return np.array([*(loop[name] for name in _OUTPUTS), loop.controls["torque"]]), loop.error_estimate
 
         result: list[tuple[Array, float]] = []
         with computing("machines that follow a slew"):
@@ -305,15 +305,15 @@ class TrackedSlew:
                 result.append(item)
                 tell("runs", len(result), count)
         rows = np.array([outputs for outputs, _ in result]).swapaxes(0, 1)
-        outputs: dict[str, Array] = dict(zip((*_KEPT, "torque"), rows, strict=True))
-        planned = {name: self.reference[name] for name in _KEPT} | self.feedforward
-        apart = outputs["tip_displacement"] - planned["tip_displacement"]
+        outputs: dict[str, Array] = dict(zip((*_OUTPUTS, "torque"), rows, strict=True))
+        planned = {name: self.reference[name] for name in _OUTPUTS} | self.feedforward
+        deviation = outputs["tip_displacement"] - planned["tip_displacement"]
         return TrackingStudy(
             time=self.time,
-            samples=given,
+            samples=parameters,
             outputs=outputs,
             reference=planned,
-            residual_vibration=np.abs(apart[:, self._judged(settling_time)]).max(axis=1),
+            residual_vibration=np.abs(deviation[:, self._vibration_window(settling_time)]).max(axis=1),
             angle_error=outputs["hub_angle"][:, -1] - planned["hub_angle"][-1],
             settling_time=settling_time,
             duration=self.duration,
@@ -344,13 +344,13 @@ class TrackedSlew:
         TypeError, ValueError
             If `run` is not a LoopResult, or `wait` exceeds the simulated time.
         """
-        apart = instance("run", run, LoopResult)["tip_displacement"] - self.reference["tip_displacement"]
-        return float(np.abs(apart[self._judged(wait)]).max())
+        deviation = instance("run", run, LoopResult)["tip_displacement"] - self.reference["tip_displacement"]
+        return float(np.abs(deviation[self._vibration_window(wait)]).max())
 
-    def _judged(self, wait: float) -> Array:
+    def _vibration_window(self, wait: float) -> Array:
         """Return the mask of samples within 1.5 slowest periods after the end of the slew and a waiting time [s]."""
         late = self.time - self.duration - nonnegative("settling_time", wait)
-        result = (late >= -0.5 * self.controller.dt) & (late <= _JUDGED * self.slowest_period)
+        result = (late >= -0.5 * self.controller.dt) & (late <= _VIBRATION_PERIODS * self.slowest_period)
         if not result.any():
             raise ValueError(
                 f"settling_time = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
@@ -365,10 +365,10 @@ class TrackedSlew:
             *none, self.controller.input_labels, self.controller.output_labels, self.controller.dt
         )
 
-    def _disturbances(self, given: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
-        if given is None:
+    def _disturbances(self, disturbance: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
+        if disturbance is None:
             return None
-        rows = mapping("disturbance", given, "inputs to numbers or arrays")
+        rows = mapping("disturbance", disturbance, "inputs to numbers or arrays")
         return {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in rows.items()}
 
 
@@ -405,8 +405,8 @@ def tracked_slew(
         raise ValueError(
             f"torque_limit = {limit:g}: expected at least {history.peak:g} N m, the largest torque of the plan"
         )
-    time, places = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
-    modes = machine._forced_modes(places)
+    time, extra_sensors = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
+    modes = machine._forced_modes(extra_sensors)
     modes = reading_states(modes, modes.state_labels)
     wanted = (
         modes.state_labels if measurements is None else some_names("measurement", measurements, modes.output_labels)
@@ -458,5 +458,5 @@ def tracked_slew(
         planning_torque_limit=planned_limit,
         noise={} if measurements is None else dict(zip(wanted, level.tolist(), strict=True)),
         plant=machine,
-        sensors=places,
+        sensors=extra_sensors,
     )

@@ -41,7 +41,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
             )
         defect = result.end - ends.target
         push = result.by_torque.reshape(defect.size, intervals, parts).sum(axis=2) * limit
-        change = _linear_programme(defect, push, result.by_width.sum(axis=1) * duration / count, values)
+        change = _linear_program(defect, push, result.by_width.sum(axis=1) * duration / count, values)
         if change is None:
             return None
         values, longer = np.clip(values + change[:-1], -1.0, 1.0), float(change[-1])
@@ -51,7 +51,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
     return arcs_behind(values, duration, limit)
 
 
-def _linear_programme(defect: Array, push: Array, longer: Array, values: Array) -> Array | None:
+def _linear_program(defect: Array, push: Array, longer: Array, values: Array) -> Array | None:
     """Return the changes of the values and the relative change of the duration; a terminal residual is penalized."""
     m, count = push.shape
     scale = np.maximum(np.linalg.norm(push, axis=1), 1e-300)[:, None]

@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import SUMMED
-from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
+from boomctl.slew.end_map import MOST_STEPS, STEP_FRACTION, EndMap, end_map
 from boomctl.slew.least_time.arc_count import counted
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.replay import Candidate
@@ -32,7 +32,7 @@ _SERVES = 0.2  # ratio of successive moves below which the Hessian is reused
 _SETTLED = 1e-11  # scaled terminal residual, and move over the duration, at rounding level
 _FLAT = 1e-12  # predicted decrease over the duration at convergence
 _ENOUGH = 0.1  # predicted time saved by reversing wrong signs of the torque, as a fraction of the tolerance
-_POSITIVE, _ROOM = 0.8, 0.1  # largest fraction of an arc that a move removes; largest move over the duration
+_POSITIVE, _MAX_MOVE = 0.8, 0.1  # largest fraction of an arc that a move removes; largest move over the duration
 _EXTREMAL = 1e-4  # relative gap above which the torque is assumed to have too few arcs
 _CURVED = 1e-8  # smallest curvature over the largest: bounds moves along flat directions
 
@@ -50,7 +50,7 @@ class _Arcs:
     slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
     weights: Array = field(default_factory=lambda: np.zeros(0))
     hessian: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    promised: float = np.inf
+    predicted: float = np.inf
     wrong: float = np.inf
 
     @staticmethod
@@ -81,20 +81,20 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candida
     half = halved(problem)
     ends = end_map(half or problem, first)
     start = first_half(first) if half else first
-    found, stages = _stationary(ends, _Arcs.of(start), 1), ("durations of arcs", *(["first half"] if half else []))
+    best, stages = _stationary(ends, _Arcs.of(start), 1), ("durations of arcs", *(["first half"] if half else []))
     for intervals in _GRIDS:
-        if found is not None and found.wrong < _ENOUGH * problem.planning_rtol:
+        if best is not None and best.wrong < _ENOUGH * problem.planning_rtol:
             break
         try:
-            torque = counted(ends, start if found is None else found.history(problem.limits.torque), intervals)
+            torque = counted(ends, start if best is None else best.history(problem.limits.torque), intervals)
         except SlewError:  # a motion overflows
-            if found is None:
+            if best is None:
                 raise
             break
         more = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
-        found = min((item for item in (more, found) if item is not None), key=lambda item: item.wrong, default=None)
+        best = min((item for item in (more, best) if item is not None), key=lambda item: item.wrong, default=None)
         stages = (*stages, f"arcs counted on {intervals} intervals")
-    result = None if found is None else _refined(ends, found)
+    result = None if best is None else _refined(ends, best)
     if result is None or result.gap >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
     return (replace(result, history=doubled(result.history)) if half else result), stages
@@ -108,39 +108,39 @@ def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorquePro
     return replace(arcs, durations=d).history(ends.problem.limits.torque) if d.min() > _shortest(ends, d) else None
 
 
-def _refined(ends: EndMap, found: _Arcs) -> Candidate | None:
+def _refined(ends: EndMap, arcs: _Arcs) -> Candidate | None:
     """Halve the steps until the terminal state changes by less than the tolerance."""
     tolerance, error, finer = ends.problem.planning_rtol, np.inf, 1
-    while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
+    while error > STEP_FRACTION * tolerance and finer * _counts(ends, arcs.durations).sum() < MOST_STEPS:
         finer *= 2
-        near, error = _corrected(ends, found, finer)
+        near, error = _corrected(ends, arcs, finer)
         if near is None:
-            near = _stationary(ends, found, finer)
+            near = _stationary(ends, arcs, finer)
         if near is None:
             return None
-        found = near
-    settled = _stationary(ends, found, finer)
+        arcs = near
+    settled = _stationary(ends, arcs, finer)
     if settled is None:
         return None
     history = settled.history(ends.problem.limits.torque)
-    worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
-    gap = settled.wrong + (settled.promised + worth) / history.duration
+    time_error = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
+    gap = settled.wrong + (settled.predicted + time_error) / history.duration
     return Candidate(history, "switching times", gap, "extremal")
 
 
-def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
+def _corrected(ends: EndMap, arcs: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
     """Correct the durations for finer steps by the coarser ones' derivatives, or None; return the initial residual too."""
-    counts, d, errors = finer * _counts(ends, found.durations), found.durations, []
+    counts, d, errors = finer * _counts(ends, arcs.durations), arcs.durations, []
     for _ in range(_CHORDS):
         ends.problem.deadline.check(f"durations of {d.size} arcs in {counts.sum()} steps", float(d.sum()))
-        defect = ends.defect(ends.steps(found.sign, d, counts))
+        defect = ends.defect(ends.steps(arcs.sign, d, counts))
         errors.append(float(np.abs(defect).max()))
-        d = d - np.linalg.lstsq(found.slope, defect, rcond=None)[0]
+        d = d - np.linalg.lstsq(arcs.slope, defect, rcond=None)[0]
         if not errors[-1] <= errors[0] or d.min() <= _shortest(ends, d):
             return None, errors[0]
         if errors[-1] < _SETTLED:
             break
-    return replace(found, durations=d), errors[0]
+    return replace(arcs, durations=d), errors[0]
 
 
 def _counts(ends: EndMap, durations: Array) -> Array:
@@ -153,43 +153,43 @@ def _shortest(ends: EndMap, d: Array) -> float:
     return float(d.sum()) * (_EMPTY if d.size >= ends.rows.shape[0] + 2 else _NOTHING)
 
 
-def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
+def _stationary(ends: EndMap, arcs: _Arcs, finer: int) -> _Arcs | None:
     """Return stationary durations without vanishing arcs; None if there are too few arcs or Newton's method fails."""
-    while found.durations.size >= ends.rows.shape[0]:
-        answer = _newton(ends, found, finer * _counts(ends, found.durations))
+    while arcs.durations.size >= ends.rows.shape[0]:
+        answer = _newton(ends, arcs, finer * _counts(ends, arcs.durations))
         if answer is None or answer.durations.min() > _shortest(ends, answer.durations):
             return answer
-        found = answer.without_shortest()
+        arcs = answer.without_shortest()
     return None
 
 
-def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
+def _newton(ends: EndMap, arcs: _Arcs, counts: Array) -> _Arcs | None:
     """Minimize the sum of the durations by Newton's method; stop when an arc vanishes.
 
     The Hessian is reused while the moves shrink fast enough.
     """
-    size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
+    size, before, total, count = np.inf, np.inf, float(arcs.durations.sum()), arcs.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
         ends.problem.deadline.check(f"durations of {count} arcs in {counts.sum()} steps", total)
-        reached = ends.sensitivity(ends.steps(found.sign, found.durations, counts))
+        reached = ends.sensitivity(ends.steps(arcs.sign, arcs.durations, counts))
         defect, slope = reached.end - ends.target, reached.by_duration
         patience = _PATIENCE if np.abs(defect).max() < _NEARER * least else patience - 1
         least = min(least, float(np.abs(defect).max()))
         if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
             return None
-        found = replace(found, slope=slope, weights=reached.multipliers)
-        if count > defect.size and (found.hessian.shape[0] != count or size > _SERVES * before):
-            found = replace(found, hessian=ends.hessian(reached, reached.multipliers))
-        onto, beside, promised = _newton_step(defect, slope, found.hessian)
-        before, size = size, float(np.abs(onto + beside).max() / total)
-        flat = promised < _FLAT * total
-        if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised, wrong=reached.wrong_sign / total)
-        d = _moved(found.durations, onto)
-        found = replace(found, durations=d if flat else _moved(d, beside))
-        if found.durations.min() < _shortest(ends, found.durations):
-            return found
+        arcs = replace(arcs, slope=slope, weights=reached.multipliers)
+        if count > defect.size and (arcs.hessian.shape[0] != count or size > _SERVES * before):
+            arcs = replace(arcs, hessian=ends.hessian(reached, reached.multipliers))
+        normal, tangential, predicted = _newton_step(defect, slope, arcs.hessian)
+        before, size = size, float(np.abs(normal + tangential).max() / total)
+        flat = predicted < _FLAT * total
+        if flat and np.abs(normal).max() < _SETTLED * total:
+            return replace(arcs, predicted=predicted, wrong=reached.wrong_sign / total)
+        d = _moved(arcs.durations, normal)
+        arcs = replace(arcs, durations=d if flat else _moved(d, tangential))
+        if arcs.durations.min() < _shortest(ends, arcs.durations):
+            return arcs
     return None
 
 
@@ -197,21 +197,21 @@ def _moved(d: Array, move: Array) -> Array:
     """Return the durations after a damped move: they remain positive, none changes by more than a tenth of their sum."""
     shrink = float(np.max(np.maximum(-move, 0.0) / d))
     far = float(np.abs(move).max() / d.sum())
-    return d + move * min(1.0, _POSITIVE / max(shrink, _POSITIVE), _ROOM / max(far, _ROOM))
+    return d + move * min(1.0, _POSITIVE / max(shrink, _POSITIVE), _MAX_MOVE / max(far, _MAX_MOVE))
 
 
 def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Array, float]:
     """Return the normal step to the end, the tangential step to the least sum, and the decrease predicted for it, s."""
     m, q = slope.shape
     whole, triangle = np.linalg.qr(slope.T, mode="complete")
-    onto = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -defect, rcond=1e-14)[0]
+    normal = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -defect, rcond=1e-14)[0]
     if q == m:
-        return onto, np.zeros(q), 0.0
+        return normal, np.zeros(q), 0.0
     free = whole[:, m:]
     values, vectors = np.linalg.eigh(free.T @ hessian @ free)
     values = np.maximum(np.abs(values), _CURVED * np.abs(values).max() + 1e-300)
-    downhill = vectors.T @ (free.T @ (np.ones(q) + hessian @ onto))
-    return onto, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
+    downhill = vectors.T @ (free.T @ (np.ones(q) + hessian @ normal))
+    return normal, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
 
 
 def halved(problem: SlewProblem) -> SlewProblem | None:

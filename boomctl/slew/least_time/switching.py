@@ -24,7 +24,7 @@ from boomctl.slew.torque import TorqueProfile, bang_bang
 
 _GRIDS = (200, 600, 2000, 6000)  # intervals; the next finer grid if Newton's method fails from the arcs of one grid
 _BLIND = 3.0  # phase of the fastest vibration in an interval above which a grid does not resolve it [rad]
-_BESIDE = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit for other starts of Newton's method
+_LIMIT_FACTORS = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit for other starts of Newton's method
 _HOPELESS = 1e9  # torque over its limit above which a duration counts as infeasible
 _SECANTS = 12  # secant steps at most until the least peak on a grid is about the limit; about five are usual
 _CAREFUL = 0.05  # step of log(time), if more time may be infeasible
@@ -34,7 +34,7 @@ _REWEIGHTED = 20  # reweighted least-squares iterations for a duration; weights 
 _THIN = 1e-6  # fraction of the largest |G^T y| below which weights are bounded
 _NEWTON = 60  # Newton steps at most; it is damped and slow near a change of the number of arcs
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # last step of a time over the duration: to accept the result; to stop at once
-_MISSED = 1e-6  # largest relative terminal residual: the default rtol of a replay
+_RESIDUAL = 1e-6  # largest relative terminal residual: the default rtol of a replay
 _SHORTEST = 1e-4  # smallest damping factor of a Newton step; below it switching times cross
 _TOGETHER = 1e-7  # fraction of the duration below which two switching times coincide and their arc is removed
 _AGREE = 1e-6  # wrong-signed switching function over its maximum that is rounding error at the switches
@@ -82,24 +82,24 @@ def least_time(problem: SlewProblem) -> Extremal:
     """
     first = rigid_and_slowest(problem)
     guess = problem.rigid_time if first is None else first.duration
-    found = _fastest(problem, guess)
+    extremal = _fastest(problem, guess)
     # where the number of arcs changes, no grid resolves it; a slightly different torque limit may
-    for factor in _BESIDE if found is None else ():
+    for factor in _LIMIT_FACTORS if extremal is None else ():
         limits = replace(problem.limits, torque=factor * problem.limits.torque)
         near = _fastest(replace(problem, limits=limits), guess)
         if near is not None:
             near = replace(near, limit=problem.limits.torque)
-            found = _agreeing(problem, _newton(problem, _fitted(problem, near)))
-        if found is not None:
+            extremal = _agreeing(problem, _newton(problem, _fitted(problem, near)))
+        if extremal is not None:
             break
-    if found is None:
+    if extremal is None:
         raise SlewError("torque_limit: the switching times of the fastest slew within it were not found")
-    return found
+    return extremal
 
 
-def time_gap(problem: SlewProblem, found: Extremal) -> float:
+def time_gap(problem: SlewProblem, extremal: Extremal) -> float:
     """Return the relative optimality gap: by weak duality, or by wrong signs of the torque if larger; at most 1."""
-    return min(1.0, max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found)))
+    return min(1.0, max(1.0 - lower_bound(problem, extremal) / extremal.duration, misfit(problem, extremal)))
 
 
 def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
@@ -113,9 +113,9 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
             continue
         first = _on_grid(problem, guess, intervals, least_sum)
         if first is not None:
-            guess, found = first.duration, _agreeing(problem, _newton(problem, first))
-            if found is not None:
-                return found
+            guess, extremal = first.duration, _agreeing(problem, _newton(problem, first))
+            if extremal is not None:
+                return extremal
     return None
 
 
@@ -203,19 +203,19 @@ def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
         return None
     turn = problem.angle
     area, w = abs(turn) * plant.inertia / problem.limits.torque, float(plant.frequencies[1])
-    swing = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
-    b = float(brentq(swing, 0.0, 0.5 * math.pi / w))
+    vibration = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
+    b = float(brentq(vibration, 0.0, 0.5 * math.pi / w))
     half = math.sqrt(area + 2.0 * b * b)
     return bang_bang(np.array([half - b, half, half + b]), 2.0 * half, problem.limits.torque, math.copysign(1.0, turn))
 
 
-def switching_function(problem: SlewProblem, found: Extremal, t: Array) -> Array:
+def switching_function(problem: SlewProblem, extremal: Extremal, t: Array) -> Array:
     """Return ``p(t) = costate^T exp(A (T - t)) B`` at evenly spaced times t [s], 1/(N m s); the torque has its sign."""
-    last = flow(problem).step(found.duration - float(t[-1]))[0] @ flow(problem).B
-    return (found.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
+    last = flow(problem).step(extremal.duration - float(t[-1]))[0] @ flow(problem).B
+    return (extremal.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
 
 
-def lower_bound(problem: SlewProblem, found: Extremal) -> float:
+def lower_bound(problem: SlewProblem, extremal: Extremal) -> float:
     """Return a lower bound on the duration within the torque limit, s, by weak duality.
 
     With ``c`` the costate, any torque that leads from start to target in the time T has
@@ -223,15 +223,15 @@ def lower_bound(problem: SlewProblem, found: Extremal) -> float:
     and by the error of the switching times; that difference over the Hamiltonian (1 at the end) is a time. If the plant
     can wait at its start or its target, shorter durations are infeasible too.
     """
-    row, most = found.costate, 0.0
-    for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
-        parts = math.ceil(_PARTS * arc / found.duration)
+    row, most = extremal.costate, 0.0
+    for arc in np.diff(np.concatenate([[0.0], extremal.switches, [extremal.duration]]))[::-1]:
+        parts = math.ceil(_PARTS * arc / extremal.duration)
         Phi, push = flow(problem).step(arc / parts)
         most += problem.limits.torque * float(np.abs(row @ flow(problem).carried(push, arc / parts, parts)).sum())
         row = row @ np.linalg.matrix_power(Phi, parts)
-    weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
+    weights = np.linalg.lstsq(problem.ends.T, extremal.costate, rcond=None)[0]
     needed = float(weights @ problem.ends @ problem.target - row @ problem.start)
-    return found.duration - abs(needed - most)
+    return extremal.duration - abs(needed - most)
 
 
 def _from_costate(problem: SlewProblem, duration: float, costate: Array, samples: int) -> Extremal | None:
@@ -240,8 +240,8 @@ def _from_costate(problem: SlewProblem, duration: float, costate: Array, samples
     t = np.linspace(0.0, duration, samples + 1)
     p = switching_function(problem, rough, t)
     change = np.flatnonzero(np.sign(p[:-1]) * np.sign(p[1:]) < 0)
-    share = p[change] / (p[change] - p[change + 1])
-    rough = replace(rough, switches=t[change] + share * (t[1] - t[0]), sign=float(np.sign(p[0]) or np.sign(p[1])))
+    fraction = p[change] / (p[change] - p[change + 1])
+    rough = replace(rough, switches=t[change] + fraction * (t[1] - t[0]), sign=float(np.sign(p[0]) or np.sign(p[1])))
     hamiltonian = float(costate @ _end(problem, rough)[1])
     if not np.isfinite(hamiltonian) or hamiltonian == 0.0:
         return None
@@ -263,10 +263,10 @@ def _least_squares(matrix: Array, right: Array, rcond: float) -> Array:
     return np.linalg.lstsq(matrix / columns / lines[:, None], right / lines, rcond=rcond)[0] / columns
 
 
-def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array, Array]:
+def _end(problem: SlewProblem, extremal: Extremal) -> tuple[Array, Array, Array]:
     """Return the end state, its rate, and ``exp(A (T - t_i)) B``, n x k: the effect of an impulse at each switch."""
-    edges = np.concatenate([[0.0], found.switches, [found.duration]])
-    linear, z, value = flow(problem), problem.start, found.sign * problem.limits.torque
+    edges = np.concatenate([[0.0], extremal.switches, [extremal.duration]])
+    linear, z, value = flow(problem), problem.start, extremal.sign * problem.limits.torque
     later = np.empty((z.size, 0))
     for h in np.diff(edges):
         Phi, push = linear.step(float(h))
@@ -275,15 +275,15 @@ def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array, Array]:
     return z, linear.A @ z - linear.B * value, later[:, 1:]
 
 
-def _agreeing(problem: SlewProblem, found: Extremal | None) -> Extremal | None:
+def _agreeing(problem: SlewProblem, extremal: Extremal | None) -> Extremal | None:
     """Remove pairs of coincident switches and solve for the others; None if the signs of torque and costate differ."""
-    while found is not None and found.switches.size > 1:
-        gaps = np.diff(found.switches)
+    while extremal is not None and extremal.switches.size > 1:
+        gaps = np.diff(extremal.switches)
         k = int(np.argmin(gaps))
-        if gaps[k] > _TOGETHER * found.duration:
+        if gaps[k] > _TOGETHER * extremal.duration:
             break
-        found = _newton(problem, replace(found, switches=np.delete(found.switches, [k, k + 1])))
-    return found if found is not None and misfit(problem, found) < _AGREE else None
+        extremal = _newton(problem, replace(extremal, switches=np.delete(extremal.switches, [k, k + 1])))
+    return extremal if extremal is not None and misfit(problem, extremal) < _AGREE else None
 
 
 def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
@@ -293,7 +293,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
     """
     result, ends = first, problem.ends
     weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
-    best, size, missed = None, np.inf, np.inf
+    best, size, error = None, np.inf, np.inf
     reached = max(float(np.abs(ends @ problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
         problem.deadline.check(f"{result.switches.size} switching times of the linear part", result.duration)
@@ -303,7 +303,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
         step = float(np.abs(move[: count + 1]).max() / result.duration)
         if step < size:
             best, size = replace(result, costate=weights @ ends), step
-            missed = float(np.abs(residual[: ends.shape[0]]).max()) / reached
+            error = float(np.abs(residual[: ends.shape[0]]).max()) / reached
         elif size < _ROUNDED:
             break
         damping = 1.0
@@ -316,15 +316,15 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
             return None
         result = replace(result, switches=times[:-1], duration=float(times[-1]))
         weights = weights + damping * move[count + 1 :]
-    return best if size < _CONVERGED and missed < _MISSED else None
+    return best if size < _CONVERGED and error < _RESIDUAL else None
 
 
-def _conditions(problem: SlewProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:
+def _conditions(problem: SlewProblem, extremal: Extremal, weights: Array) -> tuple[Array, Array]:
     """Defects of end conditions, switching function and Hamiltonian, and their derivatives (switches, time, weights)."""
     A, ends = problem.A, problem.ends
-    m, k = ends.shape[0], found.switches.size
-    z, rate, later = _end(problem, found)
-    jumps = 2.0 * found.sign * problem.limits.torque * (-1.0) ** np.arange(k)
+    m, k = ends.shape[0], extremal.switches.size
+    z, rate, later = _end(problem, extremal)
+    jumps = 2.0 * extremal.sign * problem.limits.torque * (-1.0) ** np.arange(k)
     moved = np.column_stack([later * jumps, rate])  # d z(T) / d (switches, T)
     row = weights @ ends
     residual = np.concatenate([ends @ (z - problem.target), row @ later, [row @ rate - 1.0]])
@@ -336,9 +336,9 @@ def _conditions(problem: SlewProblem, found: Extremal, weights: Array) -> tuple[
     return residual, slope
 
 
-def misfit(problem: SlewProblem, found: Extremal) -> float:
+def misfit(problem: SlewProblem, extremal: Extremal) -> float:
     """Return the largest modulus of the switching function where the torque has the other sign, over its maximum."""
-    t = (np.arange(_SAMPLES) + 0.5) * found.duration / _SAMPLES
-    p = switching_function(problem, found, t)
-    sign = found.sign * (-1.0) ** np.searchsorted(found.switches, t, side="right")
+    t = (np.arange(_SAMPLES) + 0.5) * extremal.duration / _SAMPLES
+    p = switching_function(problem, extremal, t)
+    sign = extremal.sign * (-1.0) ** np.searchsorted(extremal.switches, t, side="right")
     return float(max(0.0, (-p * sign).max()) / np.abs(p).max())

@@ -8,7 +8,7 @@ from boomctl.exceptions import LimitsTooTightError, SlewError
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import OutOfTimeError
 from boomctl.slew.linear import Guess, guess_from
-from boomctl.slew.nlp.programme import Solution, prepare, solve
+from boomctl.slew.nlp.program import Solution, prepare, solve
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem
 from boomctl.slew.replay import Candidate, played, prescribed_error, violation
@@ -41,14 +41,14 @@ def refined(problem: SlewProblem, first: TorqueProfile) -> Candidate:
         return _compared(problem, _verified(problem, _rough(problem, first, problem.intervals)))
     solutions: list[Candidate] = []
     try:
-        found = _on_finer_meshes(problem, first, solutions)
+        candidate = _on_finer_meshes(problem, first, solutions)
     except OutOfTimeError as over:
         if not solutions:
             raise
         # a coarser mesh, on which points can be added in the remaining time
-        found = _verified(problem, solutions[max(0, len(solutions) - 2)])
-        return replace(found, stages=(*solutions[-1].stages, f"out of time: {over}"))
-    return _verified(problem, found)
+        candidate = _verified(problem, solutions[max(0, len(solutions) - 2)])
+        return replace(candidate, stages=(*solutions[-1].stages, f"out of time: {over}"))
+    return _verified(problem, candidate)
 
 
 def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list[Candidate]) -> Candidate:
@@ -59,13 +59,13 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
     failure, before, took, stages = SlewError("no mesh was solved"), np.inf, 0.0, ()
     limit = problem.deadline.limit
     for intervals in MESHES:
-        begun, stages = problem.deadline.elapsed, (*stages, f"collocation on {intervals} intervals")
+        start_time, stages = problem.deadline.elapsed, (*stages, f"collocation on {intervals} intervals")
         if solutions:  # reserve time for verification
             problem = replace(problem, deadline=replace(problem.deadline, limit=_SEARCH * limit))
-        if 2.0 * took > problem.deadline.limit - begun:
+        if 2.0 * took > problem.deadline.limit - start_time:
             raise OutOfTimeError(stages[-1])
         try:
-            found = _rough(problem, first, intervals)
+            candidate = _rough(problem, first, intervals)
         except LimitsTooTightError as error:
             if error.excess > min(_TOO_MUCH, 0.5 * before):
                 raise
@@ -75,10 +75,10 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
             failure = error
             continue
         finally:
-            took = problem.deadline.elapsed - begun
-        gap = _gap(found, solutions[-1]) if solutions else np.inf
-        solutions.append(replace(found, gap=gap, stages=stages))
-        first = found.history
+            took = problem.deadline.elapsed - start_time
+        gap = _gap(candidate, solutions[-1]) if solutions else np.inf
+        solutions.append(replace(candidate, gap=gap, stages=stages))
+        first = candidate.history
         if gap < MESH_GAP:
             break
     if not solutions:
@@ -86,72 +86,72 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
     return solutions[-1]
 
 
-def _gap(found: Candidate, other: Candidate) -> float:
+def _gap(candidate: Candidate, other: Candidate) -> float:
     """Return the relative change of the cost of a nonlinear program."""
-    assert found.solution is not None
+    assert candidate.solution is not None
     assert other.solution is not None
-    return abs(found.solution.cost - other.solution.cost) / max(abs(found.solution.cost), 1e-300)
+    return abs(candidate.solution.cost - other.solution.cost) / max(abs(candidate.solution.cost), 1e-300)
 
 
-def _compared(problem: SlewProblem, found: Candidate) -> Candidate:
+def _compared(problem: SlewProblem, candidate: Candidate) -> Candidate:
     """Set the gap to the change of the cost on a mesh half as fine, or twice as fine if that has no solution."""
-    intervals = found.history.start_values.size
-    assert found.programme is not None
-    points = found.programme.points
+    intervals = candidate.history.start_values.size
+    assert candidate.program is not None
+    points = candidate.program.points
     # with fewer than two intervals per end condition no unknowns would remain free
     halved = [(intervals // 2, min(points + 1, _HIGHEST))] if intervals >= 4 * problem.ends.shape[0] else []
     for count, degree in (*halved, (2 * intervals, points)):
         try:
-            return replace(found, gap=_gap(found, _rough(problem, found.history, count, degree)))
+            return replace(candidate, gap=_gap(candidate, _rough(problem, candidate.history, count, degree)))
         except OutOfTimeError as over:
-            return replace(found, stages=(*found.stages, f"out of time: {over}"))
+            return replace(candidate, stages=(*candidate.stages, f"out of time: {over}"))
         except SlewError:
             continue
-    return found
+    return candidate
 
 
 def _rough(problem: SlewProblem, first: TorqueProfile, intervals: int, points: int = _POINTS) -> Candidate:
     """Solve on a mesh from an initial torque, without a replay: for its cost, and as the start on the next mesh."""
     guess = guess_from(problem, first, intervals, problem.ramps)
-    found = solved(problem, prepare(problem, intervals, points, guess), guess, problem.limits)
-    return replace(found, stages=(f"collocation on {intervals} intervals",))
+    candidate = solved(problem, prepare(problem, intervals, points, guess), guess, problem.limits)
+    return replace(candidate, stages=(f"collocation on {intervals} intervals",))
 
 
 def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
     """Add points and tighten the limits until a replay satisfies the end and the limits between the nodes too."""
-    found, intervals = rough, rough.history.start_values.size
-    assert found.programme is not None
-    for points in range(found.programme.points, _HIGHEST + 1):
-        if points > found.programme.points:
-            found = _rough(problem, found.history, intervals, points)
-        found = within_limits(problem, found)
-        assert found.motions is not None
-        if prescribed_error(problem, found.motions) <= problem.rtol:
-            return replace(found, gap=rough.gap, stages=rough.stages)
+    candidate, intervals = rough, rough.history.start_values.size
+    assert candidate.program is not None
+    for points in range(candidate.program.points, _HIGHEST + 1):
+        if points > candidate.program.points:
+            candidate = _rough(problem, candidate.history, intervals, points)
+        candidate = within_limits(problem, candidate)
+        assert candidate.motions is not None
+        if prescribed_error(problem, candidate.motions) <= problem.rtol:
+            return replace(candidate, gap=rough.gap, stages=rough.stages)
     raise SlewError(
         f"intervals = {intervals}: the replay error at the end is above {problem.rtol:.1e}; use more intervals, or a"
         " larger rtol"
     )
 
 
-def solved(problem: SlewProblem, programme: Transcription, start: Guess | Solution, limits: Limits) -> Candidate:
+def solved(problem: SlewProblem, program: Transcription, start: Guess | Solution, limits: Limits) -> Candidate:
     """Solve a nonlinear program."""
-    solution = solve(programme, problem, start, limits)
-    return Candidate(solution.history, "collocation", np.inf, "stationary", programme, solution)
+    solution = solve(program, problem, start, limits)
+    return Candidate(solution.history, "collocation", np.inf, "stationary", program, solution)
 
 
-def within_limits(problem: SlewProblem, found: Candidate) -> Candidate:
+def within_limits(problem: SlewProblem, candidate: Candidate) -> Candidate:
     """Replay a solution; while it meets the end but exceeds limits, tighten these and solve again."""
     limits, worst = problem.limits, np.inf
     for _ in range(ROUNDS):
-        motions = played(problem, found.history)
-        excess = violation(problem, found.history, motions)
-        worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
+        motions = played(problem, candidate.history)
+        excess = violation(problem, candidate.history, motions)
+        worst = max((excess[kind] for kind in limits.without_torque), default=0.0)
         # relative excess at the rounding error of the integrator
         if worst <= ALIKE or prescribed_error(problem, motions) > problem.rtol:
-            return replace(found, motions=motions)
+            return replace(candidate, motions=motions)
         limits = limits.tightened(excess)
-        assert found.programme is not None
-        assert found.solution is not None
-        found = solved(problem, found.programme, found.solution, limits)
+        assert candidate.program is not None
+        assert candidate.solution is not None
+        candidate = solved(problem, candidate.program, candidate.solution, limits)
     raise SlewError(f"intervals: on this mesh a limit is exceeded by {worst:.1e}; more intervals may help")

@@ -39,7 +39,7 @@ _OPTIONS = {
     "ipopt.warm_start_slack_bound_push": 1e-6,
     "ipopt.mu_init": 1e-4,  # for the same reason
 }
-_TOLERANCE, _SHARE = 1e-9, 1e-3  # tolerance of IPOPT at most, and as a fraction of the end state's tolerance
+_TOLERANCE, _FRACTION = 1e-9, 1e-3  # tolerance of IPOPT at most, and as a fraction of the end state's tolerance
 _LEAST_TIME = 1e-3  # lower bound of the scaled duration, to keep it positive
 _SHOWN = 1e-6  # violation of a scaled condition above which a message reports it; smaller ones are solver error
 _NEAR = 1e-3  # slack of a scaled condition below which a message reports a limit as active
@@ -81,16 +81,16 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
         arguments["x0"] = _start(t, start)
     unit = OBJECTIVES[problem.objective].unit(t.units)
     stage = f"collocation of {count(t.points, 'point')} on {t.intervals} intervals"
-    options = _OPTIONS | t.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * problem.rtol)}
+    options = _OPTIONS | t.derivatives | {"ipopt.tol": min(_TOLERANCE, _FRACTION * problem.rtol)}
     raw, statistics = solved(t.nlp, options, arguments, problem.deadline, stage, unit)
     x = np.array(raw["x"]).ravel()
     duration = problem.duration if t.layout.duration is None else float(x[t.layout.duration]) * t.units.time
     assert duration is not None
     if not statistics["success"]:
-        said, missed = _failure(t, problem, duration, x, np.array(raw["g"]).ravel(), arguments)
+        message, excess = _failure(t, problem, duration, x, np.array(raw["g"]).ravel(), arguments)
         if statistics["return_status"] == "Infeasible_Problem_Detected":
-            raise LimitsTooTightError(said, missed)
-        raise SlewError(said)
+            raise LimitsTooTightError(message, excess)
+        raise SlewError(message)
     edges, torques = np.linspace(0.0, duration, t.intervals + 1), x[t.layout.torques] * t.units.torque
     history = ramped(edges, torques) if problem.ramps else held(edges, torques)
     again = {"x0": x, **{f"{name}0": np.array(raw[name]).ravel() for name in ("lam_x", "lam_g")}}
@@ -100,11 +100,11 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
 def _bounds(t: Transcription, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
     """Return the data, and bounds of unknowns and conditions."""
     units, layout = t.units, t.layout
-    p = np.array([(problem.duration or 0.0) / units.time, *limits.beside_torque.values()])
+    p = np.array([(problem.duration or 0.0) / units.time, *limits.without_torque.values()])
     lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     lower[layout.torques], upper[layout.torques] = (s * problem.limits.torque / units.torque for s in (-1, 1))
     lower[layout.states[0]] = upper[layout.states[0]] = problem.start / units.states
-    if problem.ramps and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in problem.limits.given):
+    if problem.ramps and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in problem.limits.by_kind):
         ends = layout.torques[[0, -1]]
         lower[ends] = upper[ends] = 0.0
     if layout.duration is not None:
@@ -123,9 +123,9 @@ def _start(t: Transcription, guess: Guess) -> Array:
     x = np.zeros(layout.size)
     x[layout.states] = guess.states / units.states
     x[layout.torques] = guess.torques / units.torque
-    slopes = np.diff(guess.states, axis=0) / (guess.duration / t.intervals) / units.states * units.time
+    rates = np.diff(guess.states, axis=0) / (guess.duration / t.intervals) / units.states * units.time
     # one block of points per plant; the mean rate is used at all points
-    x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.points) for _, own in t.problem.parts])
+    x[layout.rates] = np.hstack([np.tile(rates[:, own], t.points) for _, own in t.problem.parts])
     if layout.duration is not None:
         x[layout.duration] = guess.duration / units.time
     return x
@@ -135,28 +135,28 @@ def _failure(
     t: Transcription, problem: SlewProblem, duration: float, x: Array, g: Array, arguments: dict[str, Array]
 ) -> tuple[str, float]:
     """Return a message on the largest violation and the active limits, and the sum of all scaled violations."""
-    said = problem.plants[0].with_unit
-    missed = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
-    rows = missed[: -len(t.ends)].reshape(t.intervals, -1)[:, t.defects :]
+    with_unit = problem.plants[0].with_unit
+    violations = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
+    rows = violations[: -len(t.ends)].reshape(t.intervals, -1)[:, t.defects :]
     over = {}
-    for kind in problem.limits.beside_torque:
+    for kind in problem.limits.without_torque:
         worst = rows[:, [name == f"{kind}_limit" for name in t.names]].max(axis=1)
         # limits of the motion apply at the ends of intervals
         over[kind] = np.append(-np.inf, worst) if kind in problem.plants[0].rows else worst
-    words = {kind: f"{kind}_limit = {said(kind, f'{most:g}')}" for kind, most in problem.limits.given.items()}
+    words = {kind: f"{kind}_limit = {with_unit(kind, f'{most:g}')}" for kind, most in problem.limits.by_kind.items()}
     most = max(over, key=lambda kind: over[kind].max(), default="")
     what = "the end state cannot be reached"
     if most and over[most].max() > _SHOWN:
         what = f"{words[most]} is exceeded most at t = {np.argmax(over[most]) * duration / t.intervals:.4g} s"
-    met = {kind: each > -_NEAR for kind, each in over.items()}
+    met = {kind: near > -_NEAR for kind, near in over.items()}
     met["torque"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
-    shares = [
-        f"{words[kind]} is met from t = {np.argmax(each) * duration / t.intervals:.4g} s, for {np.mean(each):.0%} of the time"
-        for kind, each in sorted(met.items(), key=lambda item: -np.mean(item[1]))
-        if each.any()
+    active = [
+        f"{words[kind]} is met from t = {np.argmax(near) * duration / t.intervals:.4g} s, for {np.mean(near):.0%} of the time"
+        for kind, near in sorted(met.items(), key=lambda item: -np.mean(item[1]))
+        if near.any()
     ]
-    sentence = "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares])
-    return sentence, float(np.maximum(missed, 0.0).sum())
+    sentence = "; ".join([f"no slew of {duration:.6g} s was found: {what}", *active])
+    return sentence, float(np.maximum(violations, 0.0).sum())
 
 
 def prepare(problem: SlewProblem, intervals: int, points: int, guess: Guess) -> Transcription:
