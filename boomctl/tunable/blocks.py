@@ -56,25 +56,25 @@ class Differentiated:
 
     def __init__(self, x: ca.SX, matrix: ca.SX) -> None:
         entries, weights, self.shape = ca.vec(matrix.T), ca.SX.sym("weights", matrix.numel()), matrix.shape
-        bends = ca.hessian(ca.dot(weights, entries), x)[0]
+        hessian = ca.hessian(ca.dot(weights, entries), x)[0]
         self._value = ca.Function("value", [x], [matrix])
-        self._slopes = ca.Function("slopes", [x], [ca.jacobian(entries, x).T])
-        self._bends = ca.Function("bends", [x, weights], [bends])
-        self._line = None if bends.nnz() else (self._value(0.0).full(), self._slopes(0.0).full())
+        self._jacobian = ca.Function("jacobian", [x], [ca.jacobian(entries, x).T])
+        self._hessian = ca.Function("hessian", [x, weights], [hessian])
+        self._line = None if hessian.nnz() else (self._value(0.0).full(), self._jacobian(0.0).full())
 
     def value(self, x: Array) -> Array:
         """Return the matrix."""
         if self._line is None:
             return self._value(x).full()
-        start, slopes = self._line  # which need no call
-        return start + (x @ slopes).reshape(start.shape)
+        start, jacobian = self._line  # which need no call
+        return start + (x @ jacobian).reshape(start.shape)
 
-    def slopes(self, x: Array) -> Array:
+    def jacobian(self, x: Array) -> Array:
         """Return the derivatives of its entries, row by row, by each number: (k, entries)."""
-        return self._slopes(x).full() if self._line is None else self._line[1]
+        return self._jacobian(x).full() if self._line is None else self._line[1]
 
-    def bends(self, x: Array, weights: Array) -> Array:
+    def hessian(self, x: Array, weights: Array) -> Array:
         """Return the second derivatives of the sum of its entries times weights: (k, k)."""
         if self._line is not None:
             return np.zeros((len(x), len(x)))
-        return self._bends(x, weights.ravel()).full()
+        return self._hessian(x, weights.ravel()).full()

@@ -242,10 +242,10 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     >>> bc.tunable.gain() + bc.tunable.plant_parameter("hinge_damping", 1.0, 3000.0)
     Sum(Gain, Physical hinge_damping 1 to 3000)
     """
-    given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
+    parameter, start, end = signal_name("parameter", name), real("low", low), real("high", high)
     if start >= end:
-        raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {given}")
-    return Physical(given, start, end)
+        raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {parameter}")
+    return Physical(parameter, start, end)
 
 
 def _ends(low: object, high: object) -> tuple[float | None, float | None]:
@@ -255,8 +255,8 @@ def _ends(low: object, high: object) -> tuple[float | None, float | None]:
     return result
 
 
-def _inner(given: object) -> ControllerForm:
-    structure = instance("structure", given, ControllerForm, "a structure of boomctl.tunable")
+def _inner(form: object) -> ControllerForm:
+    structure = instance("structure", form, ControllerForm, "a structure of boomctl.tunable")
     if structure.physicals():
         raise ValueError("decentralized: a loop cannot contain a physical parameter; add it")
     return structure

@@ -172,10 +172,10 @@ class ControllerForm:
         return type(self).__name__
 
     def __repr__(self) -> str:
-        given = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
+        arguments = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
         words = [
             f"{name}={value:.6g}" if isinstance(value, float) else f"{name}={value!r}"
-            for name, value in given.items()
+            for name, value in arguments.items()
             if value is not None
         ]
         return f"{type(self).__name__}({', '.join(words)})"
@@ -198,7 +198,7 @@ def terms(structure: ControllerForm) -> tuple[ControllerForm, ...]:
     return structure.parts if isinstance(structure, Sum) else (structure,)
 
 
-def _each(name: str, rows: Iterable[object], acts: Array, columns: Iterable[object], reads: Array) -> list[Free]:
+def _gains(name: str, rows: Iterable[object], acts: Array, columns: Iterable[object], reads: Array) -> list[Free]:
     """Return free gains between signals with scales."""
     ends = product(zip(rows, acts, strict=True), zip(columns, reads, strict=True))
     return [Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read)) for (u, act), (y, read) in ends]
@@ -227,7 +227,7 @@ class Filtered(ControllerForm):
     def free(self, ports: Ports) -> tuple[Free, ...]:
         result: list[Free] = []
         for name, rate, own, _ in self.terms(ports):
-            result += [*_each(name, ports.controls, rate * ports.acts, ports.measurements, ports.reads), *own]
+            result += [*_gains(name, ports.controls, rate * ports.acts, ports.measurements, ports.reads), *own]
         return tuple(result)
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
@@ -276,7 +276,7 @@ class Ppf(Filtered):
         ends = ports.rates(self.low, self.high)
         tags = [""] if self.modes == 1 else [str(i + 1) for i in range(self.modes)]
         own = [(Free(f"frequency{tag}", RATE, *ends), Free(f"damping{tag}", RATIO, *_DAMPING)) for tag in tags]
-        return [(f"ppf{tag}", 1.0, each, _resonated) for tag, each in zip(tags, own, strict=True)]
+        return [(f"ppf{tag}", 1.0, parameters, _resonated) for tag, parameters in zip(tags, own, strict=True)]
 
 
 def _passed() -> Realization:
@@ -330,9 +330,9 @@ class StateSpace(ControllerForm):
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
         (rows, columns), n, one = map(range, ports.shape), range(self.order), np.ones(self.order)
-        parts = [*_each("A", n, ports.rate * one, n, one), *_each("B", n, ports.rate * one, columns, ports.reads)]
-        parts += _each("C", rows, ports.acts, n, one)
-        return (*parts, *([] if self.strictly_proper else _each("D", rows, ports.acts, columns, ports.reads)))
+        parts = [*_gains("A", n, ports.rate * one, n, one), *_gains("B", n, ports.rate * one, columns, ports.reads)]
+        parts += _gains("C", rows, ports.acts, n, one)
+        return (*parts, *([] if self.strictly_proper else _gains("D", rows, ports.acts, columns, ports.reads)))
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
         (rows, columns), n = ports.shape, self.order
@@ -348,8 +348,8 @@ class StateSpace(ControllerForm):
         while k < n:
             if k + 1 < n and rng.random() < 0.7:
                 damping = rng.uniform(*_DAMPED)
-                swing = rates[k] * np.sqrt(1.0 - damping**2)
-                A[k : k + 2, k : k + 2] = [[-damping * rates[k], swing], [-swing, -damping * rates[k]]]
+                damped_rate = rates[k] * np.sqrt(1.0 - damping**2)
+                A[k : k + 2, k : k + 2] = [[-damping * rates[k], damped_rate], [-damped_rate, -damping * rates[k]]]
                 k += 2
             else:
                 A[k, k] = -rates[k]

@@ -64,15 +64,15 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     slowest = max(slowest, REFUTED_RTOL * float(sizes.max(initial=0.0)))
     if not len(after):
         return ""
-    apart = -after.real / (np.abs(after) + slowest)
-    k = int(np.argmin(apart))
+    relative_decay = -after.real / (np.abs(after) + slowest)
+    k = int(np.argmin(relative_decay))
     pole = after[k]
     near = np.abs(before - pole)
     had = 1.0
     if len(before) and near.min() <= _SAME_POLE * abs(pole):
         its = before[np.argmin(near)]
         had = -its.real / (abs(its) + slowest) if its.real < 0.0 else 1.0
-    if apart[k] > min(_EDGE, _LOST * had):
+    if relative_decay[k] > min(_EDGE, _LOST * had):
         return ""
     shown = f"{pole.real:.3g}" if pole.imag == 0.0 else f"{pole.real:.3g} ± {abs(pole.imag):.6g}j"
     return (
@@ -103,7 +103,7 @@ def lower_bound(
     """
     best, said, reasons = 0.0, "", []
     deadline = Deadline(limit)
-    for value, model, channel in sorted(values, key=lambda each: each[0], reverse=True)[:_MOST_BOUNDS]:
+    for value, model, channel in sorted(values, key=lambda item: item[0], reverse=True)[:_MOST_BOUNDS]:
         plant = channel_of(plants[model], channel)
         if deadline.over:
             reasons.append("out of time")
@@ -131,12 +131,12 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
     return full_order_bound(plant, deadline)[0]
 
 
-def share_used(norm: ChannelNorm) -> float:
+def budget_ratio(norm: ChannelNorm) -> float:
     """Return a norm over its budget, if any."""
     return norm.value / (norm.channel.budget or 1.0)
 
 
-def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
+def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
     """Return the best controller of a search, verified with the plants passed by the user.
 
     Raises
@@ -144,9 +144,9 @@ def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]
     SynthesisError
         If it cannot be verified, or exceeds a budget or a bound.
     """
-    problem, x, labels = found.problem, found.design, found.problem.plants.labels
+    problem, x, labels = search.problem, search.design, search.problem.plants.labels
     tell("verifying")
-    plants = problem.plants.given(x[problem.physical])
+    plants = problem.plants.original(x[problem.physical])
     K = replace(problem.lti(x).balanced(), scales=plants[0].system.scales)
     loops = [loop_of(plant, K) for plant in plants]
     norms = [
@@ -155,15 +155,17 @@ def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]
         for channel in problem.channels
     ]
     aims = [item for item in norms if problem.budgets_alone or item[1].channel.budget is None]
-    largest, top = max(aims, key=lambda each: share_used(each[1]))
-    point = Point(problem, x, found.known)
-    used_up = _used_up(found, point, [item for _, item in norms])
+    largest, top = max(aims, key=lambda pair: budget_ratio(pair[1]))
+    point = Point(problem, x, search.known)
+    used_up = _used_up(search, point, [item for _, item in norms])
     if problem.plants.physical:
         lower, reason = 0.0, "none: the plant itself is tuned"
     else:
         tell("bound on any controller")
         lower, reason = lower_bound(list(plants), [(item.value, i, item.channel) for i, item in aims], _BOUND_TIME)
-    near = [p for p in point.pieces(_ACTIVE) if p.value >= (0.0 if p.limit else point.aim) + log(1.0 - _ACTIVE)]
+    near = [
+        p for p in point.active_functions(_ACTIVE) if p.value >= (0.0 if p.limit else point.aim) + log(1.0 - _ACTIVE)
+    ]
     tops = sorted((p for p in near if p.top and not p.limit), key=lambda p: -p.value)
     certificate = DesignCertificate(
         norm_bounds=top.norm,
@@ -180,27 +182,27 @@ def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]
         active_constraints=used_up,
         stages=stages,
         summary="",
-        worst_case=None if worst is None else max((worst, top), key=share_used),
+        worst_case=None if worst is None else max((worst, top), key=budget_ratio),
     )
-    edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
+    edges = [note for plant, loop in zip(plants, loops, strict=True) if (note := edge_of(plant, loop))]
     return TuneResult(
         K,
         tuple(replace(loop, state_labels=()) for loop in loops),
         largest,
         top.value,
-        replace(certificate, summary=_summary(certificate, top, found, edges)),
+        replace(certificate, summary=_summary(certificate, top, search, edges)),
         problem.values(x),
         problem.physical_values(x),
-        tuple(found.starts),
+        tuple(search.starts),
         labels,
         plants,
-        found.deadline.elapsed,
+        search.deadline.elapsed,
     )
 
 
-def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
+def _used_up(search: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
     """Return the active bounds; raise an error if one is exceeded."""
-    problem, result = found.problem, []
+    problem, result = search.problem, []
     for item, number, low, high in zip(problem.free, point.x, problem.low, problem.high, strict=True):
         for end, name in ((low, "least"), (high, "largest")):
             if abs(number - end) <= _AT_END * (high - low):
@@ -214,19 +216,19 @@ def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str
     for norm in norms:
         if norm.channel.budget is None:
             continue
-        if share_used(norm) > 1.0 + CERTIFIED:
+        if budget_ratio(norm) > 1.0 + CERTIFIED:
             none = "no controller found keeps its budget"
             what = "no controller found satisfies all budgets" if problem.budgets_alone else none
             where = f", {norm.model}" if norm.model else ""
             value = f"is {norm.value:.6g}, allowed are {norm.channel.budget:.6g}"
             raise SynthesisError(f"{what}: {norm.channel.text}{where} {value}")
-        if share_used(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
+        if budget_ratio(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
             result.append(f"budget of the {norm.channel.text}")
     return tuple(dict.fromkeys(result))
 
 
-def _summary(c: DesignCertificate, top: ChannelNorm, found: Search, edges: list[str]) -> str:
-    models = len(found.problem.plants.models)
+def _summary(c: DesignCertificate, top: ChannelNorm, search: Search, edges: list[str]) -> str:
+    models = len(search.problem.plants.models)
     kind = "verified" if top.norm.verified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = [f"{top.channel.text} {top.value:.6g}{over}, {kind}"]
@@ -238,9 +240,9 @@ def _summary(c: DesignCertificate, top: ChannelNorm, found: Search, edges: list[
         said.append(f"controllers of any order might go far lower: {known}")
     else:
         said.append(f"no bound on other controllers: {c.lower_bound_source.removeprefix('none: ')}")
-    same = sum(isfinite(s.objective) and abs(s.objective / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
+    same = sum(isfinite(s.objective) and abs(s.objective / exp(search.value) - 1.0) < _ACTIVE for s in search.starts)
     said.append(f"stationary to {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
-    said.append(f"{same} of {len(found.starts)} starts came here")
+    said.append(f"{same} of {len(search.starts)} starts came here")
     if c.worst_case is not None:
         said.append(f"over the family {c.worst_case.value:.6g} at most as far as was found ({c.worst_case.model})")
     if c.active_constraints:

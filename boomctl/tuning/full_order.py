@@ -51,7 +51,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
     reason = ""
     for shift in _SHIFTS:
         try:
-            measured, seen = _noisy(_shifted(plant, shift))
+            measured, replaced = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
             bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
         except OutOfTimeError as over:
@@ -59,17 +59,17 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue
-        told = {"measurements": seen, "controls": moved, "axis": "seen from its right" if shift else ""}
-        return bounds.lower, "; ".join(f"{name}: {text}" for name, text in told.items() if text)
+        notes = {"measurements": replaced, "controls": moved, "axis": "seen from its right" if shift else ""}
+        return bounds.lower, "; ".join(f"{name}: {text}" for name, text in notes.items() if text)
     raise SynthesisError(reason)
 
 
-def _shifted(plant: GeneralizedPlant, share: float) -> GeneralizedPlant:
+def _shifted(plant: GeneralizedPlant, fraction: float) -> GeneralizedPlant:
     """Return the plant on a shifted axis and without ``D22``, which a controller can compensate."""
     old, rate = plant.system, _fastest(plant.A)
     through = old.D.copy()
     through[plant.nz :, plant.nw :] = 0.0
-    A = plant.A - share * rate * np.eye(len(plant.A))
+    A = plant.A - fraction * rate * np.eye(len(plant.A))
     system = Lti(A, old.B, old.C, through, old.input_labels, state_labels=old.state_labels)
     return GeneralizedPlant(system, plant.nmeas, plant.ncon)
 

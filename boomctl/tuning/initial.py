@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _QUIET = 1e-2  # gains of an additional state over their natural size
 
 
-def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller") -> Array:
+def initial_numbers(problem: Problem, initial: "Mapping[str, float] | Controller") -> Array:
     """Return a start from parameters by name or a controller; other parameters are in the middle of their ranges or zero.
 
     Raises
@@ -28,13 +28,15 @@ def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller")
         or scales.
     """
     result, scales = problem.middle, problem.plants.middle[0].system.scales
-    if is_statespace(given) or hasattr(given, "controller"):
-        K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales)
+    if is_statespace(initial) or hasattr(initial, "controller"):
+        K = controller_of(
+            initial, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales
+        )
         check_scales(K, scales)
         start, x = _of_controller(problem, K)
         result[start : start + len(x)] = x
         return result
-    numbers = mapping("initial_controller", given, "free numbers to values, or a StateSpace")
+    numbers = mapping("initial_controller", initial, "free numbers to values, or a StateSpace")
     for name in numbers:
         known("free number", name, [item.name for item in problem.free])
     for i, item in enumerate(problem.free):
@@ -49,13 +51,13 @@ def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller")
 def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
     """Return the offset of a controller's free parameters, and their values; additional states have small gains."""
     parts, ports, n = terms(problem.structure), problem.ports, len(K.A)
-    places = [i for i, part in enumerate(parts) if isinstance(part, StateSpace)]
-    if len(places) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
+    indices = [i for i, part in enumerate(parts) if isinstance(part, StateSpace)]
+    if len(indices) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
         raise ValueError(
             f"initial_controller = a StateSpace: expected a structure tunable.state_space, got {problem.structure.text};"
             " give its free numbers by name"
         )
-    wanted = parts[places[0]]
+    wanted = parts[indices[0]]
     assert isinstance(wanted, StateSpace)
     if n > wanted.order:
         raise ValueError(f"initial_controller: expected a controller of at most {wanted.order} states, got {n}")
@@ -70,7 +72,7 @@ def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
     x, rng = np.concatenate([K.A.ravel(), K.B.ravel(), K.C.ravel(), through]) * numbers, np.random.default_rng(0)
     for order in range(n + 1, wanted.order + 1):
         x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng, _QUIET)
-    return sum(len(part.free(ports)) for part in parts[: places[0]]), x
+    return sum(len(part.free(ports)) for part in parts[: indices[0]]), x
 
 
 def _in_order(kind: str, mine: tuple[str, ...], theirs: tuple[str, ...]) -> list[int]:

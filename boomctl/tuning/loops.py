@@ -23,14 +23,14 @@ class ScaledPlant(GeneralizedPlant):
 
     Attributes
     ----------
-    slopes, bends : ndarray or None
+    jacobian, hessian : ndarray or None
         First and second derivatives of ``[[A, B], [C, D]]`` by physical parameters, (k, r, c) and (k, k, r, c).
     order : int
         Order of the controller.
     """
 
-    slopes: Array | None = None
-    bends: Array | None = None
+    jacobian: Array | None = None
+    hessian: Array | None = None
     order: int = 0
 
     @cached_property
@@ -59,16 +59,16 @@ def without_jordan_blocks(A: Array) -> Array:
     if not len(A) or independent(A) is not None:
         return A
     blocks, columns, widths = block_diagonal(A, _INDEPENDENT**0.5)
-    start, apart = 0, np.zeros_like(A)
+    start, perturbation = 0, np.zeros_like(A)
     for width in widths:
         part = slice(start, start + width)
         block = blocks[part, part]
         if width > 1 and independent(block) is None:  # the transposed nilpotent part separates them most
             nilpotent = block - np.eye(width) * np.trace(block) / width
             size = float(np.linalg.norm(nilpotent))
-            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
+            perturbation[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
         start += width
-    result = A + columns @ apart @ np.linalg.inv(columns)
+    result = A + columns @ perturbation @ np.linalg.inv(columns)
     return result if independent(result) is not None else A
 
 
@@ -158,7 +158,7 @@ def close(plant: ScaledPlant, K: Array) -> Closed | None:
         gain = inverse @ K
         before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
     M = M + M12 @ gain @ M21
-    if plant.slopes is not None:  # rows and columns of the plant's matrix in the loop
+    if plant.jacobian is not None:  # rows and columns of the plant's matrix in the loop
         adds, reads = np.zeros((end + nz, n + nz + ny)), np.zeros((n + nw + nu, end + nw))
         adds[:n, :n], adds[end:, n : n + nz] = np.eye(n), np.eye(nz)
         adds[:, n + nz :] = M12 @ gain[:, order:]

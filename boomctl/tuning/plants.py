@@ -23,7 +23,7 @@ _MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning starts with all 
 _DEGREES = (1, 2, 4, 8, 16, 32)  # polynomial degrees, in order: springs, products of two, masses, positions
 _ROUNDING = 1e-14  # relative size of a coefficient that is rounding error: 1e2 eps
 _MOST = 400  # plants evaluated for one polynomial at most
-_KEPT = 16  # cached sets of plants: the last few points of the search
+_CACHE_SIZE = 16  # cached sets of plants: the last few points of the search
 _EXACT = 1e3  # largest error of a polynomial over rounding error: far below the tolerance of tuning
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
@@ -48,21 +48,21 @@ class PlantPolynomial:
     def __init__(self, make: Callable[[Array], GeneralizedPlant], size: int) -> None:
         self._plant = make(np.zeros(size))
         self._scales = balance(self._plant.A)[1]
-        made: dict[bytes, Array] = {}
+        matrices: dict[bytes, Array] = {}
 
         def at(points: Sequence[Array]) -> dict[str, Array]:
             for point in points:
-                if point.tobytes() not in made:
-                    if len(made) == _MOST:
+                if point.tobytes() not in matrices:
+                    if len(matrices) == _MOST:
                         raise ValueError(f"{_MOST} plants do not determine them")
                     s = make(point).system
                     rows = np.concatenate([1.0 / self._scales, np.ones(len(s.C))])[:, None]
                     columns = np.concatenate([self._scales, np.ones(s.B.shape[1])])
-                    made[point.tobytes()] = rows * blocks([[s.A, s.B], [s.C, s.D]]) * columns
-            return {"P": np.array([made[point.tobytes()] for point in points])}
+                    matrices[point.tobytes()] = rows * blocks([[s.A, s.B], [s.C, s.D]]) * columns
+            return {"P": np.array([matrices[point.tobytes()] for point in points])}
 
-        def rounding(found: Mapping[str, Array]) -> dict[str, Array | float]:
-            return {"P": _ROUNDING * np.abs(found["P"]).max(axis=(0, 2))[:, None]}
+        def rounding(values: Mapping[str, Array]) -> dict[str, Array | float]:
+            return {"P": _ROUNDING * np.abs(values["P"]).max(axis=(0, 2))[:, None]}
 
         wanted = at(tried_points(size))
         for degree in _DEGREES:
@@ -73,8 +73,8 @@ class PlantPolynomial:
             raise ValueError(f"polynomials of degree {_DEGREES[-1]} miss them")
         p = ca.SX.sym("p", size)
         powers = ca.vertcat(*(ca.mtimes([ca.SX(1), *(p[i] for i in term)]) for term in terms["P"]))
-        slopes = ca.jacobian(powers, p)
-        self._powers = ca.Function("powers", [p], [powers, slopes, ca.jacobian(ca.vec(slopes.T), p)])
+        jacobian = ca.jacobian(powers, p)
+        self._powers = ca.Function("powers", [p], [powers, jacobian, ca.jacobian(ca.vec(jacobian.T), p)])
         self._terms = np.array([*terms["P"].values()])
         self.degrees = tuple(max(term.count(i) for term in terms["P"]) for i in range(size))
 
@@ -82,12 +82,12 @@ class PlantPolynomial:
         """Return the plant with balanced states, and its derivatives."""
         k, s, n, plant = len(numbers), self._plant.system, len(self._plant.A), self._plant
         powers = [np.asarray(item) for item in self._powers(numbers)]
-        result, slopes, bends = (
+        result, jacobian, hessian = (
             np.tensordot(item.reshape(len(self._terms), -1), self._terms, (0, 0)) for item in powers
         )
         M = result[0]
         system = replace(s, A=without_jordan_blocks(M[:n, :n]), B=M[:n, n:], C=M[n:, :n], D=M[n:, n:])
-        return ScaledPlant(system, plant.nmeas, plant.ncon, slopes, bends.reshape(k, k, *M.shape), order)
+        return ScaledPlant(system, plant.nmeas, plant.ncon, jacobian, hessian.reshape(k, k, *M.shape), order)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Model:
     make: Maker
     physical: tuple[Physical, ...]
 
-    def given(self, numbers: Array) -> GeneralizedPlant:
+    def original(self, numbers: Array) -> GeneralizedPlant:
         """Return the original plant for normalized parameters."""
         return self.make({item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)})
 
@@ -122,7 +122,7 @@ class Model:
             If it is not a polynomial.
         """
         try:
-            return PlantPolynomial(self.given, len(self.physical))
+            return PlantPolynomial(self.original, len(self.physical))
         except ValueError as error:
             names, where = ", ".join(item.name for item in self.physical), f" of {self.label}" if self.label else ""
             reason = " ".join(str(error).split())
@@ -135,7 +135,7 @@ class Model:
         """Return the plant with balanced states, and its derivatives, for a controller of some order."""
         if self.physical:
             return self.polynomial.scaled(numbers, order)
-        plant = self.given(numbers)
+        plant = self.original(numbers)
         system = plant.system.balanced()
         return ScaledPlant(replace(system, A=without_jordan_blocks(system.A)), plant.nmeas, plant.ncon, order=order)
 
@@ -152,9 +152,9 @@ class Plants:
         """Names of the plants."""
         return tuple(model.label for model in self.models)
 
-    def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
+    def original(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
         """Return the original plants for normalized parameters."""
-        return tuple(model.given(numbers) for model in self.models)
+        return tuple(model.original(numbers) for model in self.models)
 
     @cached_property
     def middle(self) -> tuple[GeneralizedPlant, ...]:
@@ -165,7 +165,7 @@ class Plants:
         ValueError
             If their signals or scales differ.
         """
-        result = self.given(np.zeros(len(self.physical)))
+        result = self.original(np.zeros(len(self.physical)))
         first = result[0].system
         for i, plant in enumerate(result[1:], 2):
             for kind in ("input", "output"):
@@ -187,7 +187,7 @@ class Plants:
 
     @cached_property
     def _scaled(self) -> Callable[[tuple[float, ...], int], tuple[ScaledPlant, ...]]:
-        return lru_cache(_KEPT)(lambda x, order: tuple(model.scaled(np.array(x), order) for model in self.models))
+        return lru_cache(_CACHE_SIZE)(lambda x, order: tuple(model.scaled(np.array(x), order) for model in self.models))
 
     @property
     def stages(self) -> tuple[str, ...]:
@@ -212,18 +212,18 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
     return partition(P, nmeas, ncon)
 
 
-def made_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
+def build_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
     """Return the plants, from systems or from functions of the physical parameters."""
 
-    def maker(each: Any) -> Maker:
-        if not physical or not callable(each) or hasattr(each, "ninputs"):
-            plant = partitioned(each, nmeas, ncon)
+    def maker(item: Any) -> Maker:
+        if not physical or not callable(item) or hasattr(item, "ninputs"):
+            plant = partitioned(item, nmeas, ncon)
             return lambda values: plant
-        make = function_of("P", each, "a mapping of physical parameters to a generalized plant")
+        make = function_of("P", item, "a mapping of physical parameters to a generalized plant")
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
-    return Plants(tuple(Model(label, maker(each), physical) for label, each in zip(labels, P, strict=True)), physical)
+    return Plants(tuple(Model(label, maker(item), physical) for label, item in zip(labels, P, strict=True)), physical)
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,11 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
-from boomctl.tuning.responses import BELOW, Passage, Response, same_place
+from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 
 _TINY = 1e-100  # norm in place of zero, with a finite logarithm
 # relative distance within which a peak represents another frequency: their second derivatives are nearly equal
-BESIDE = 1e-3  # with 1e-6 the search needs twice the steps
+PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases of combinations of two singular vectors with nearly equal values
 _ALIKE_POLES = 0.05  # distance to the highest bound on poles within which a pole is an active function
 _NEAR_EDGE = 4.0  # ratio to the required distance from the edge of stability up to which a pole is an active function
@@ -48,7 +48,7 @@ class Height(NamedTuple):
     pole: complex = 0.0
 
 
-class Piece(NamedTuple):
+class ActiveFunction(NamedTuple):
     """Active function: a `Height` of the largest singular value, of a smaller one, or of a pole.
 
     Attributes
@@ -100,9 +100,9 @@ class Point:
         self._limits = dict(problem.limits) if edge is None else {**problem.limits, EDGE: edge}
         self._known = {} if known is None else known
         self._squares: dict[tuple[int, int], tuple[float, Array]] = {}
-        self._slopes: dict[int, Array] = {}
+        self._jacobians: dict[int, Array] = {}
 
-    def beside(self, x: Array) -> "Point":
+    def with_parameters(self, x: Array) -> "Point":
         """Return the loops at other free parameters."""
         return Point(self.problem, x, self._known, self.edge)
 
@@ -135,25 +135,25 @@ class Point:
         assert result is not None
         return result
 
-    def slopes(self, model: int) -> Array:
+    def jacobian(self, model: int) -> Array:
         """Return the derivatives of the controller's matrices, and of the plant's if it depends on parameters, as rows."""
-        if model not in self._slopes:
-            result = self.problem.matrix.slopes(self.x)
-            moving = None if model == CONTROLLER else self.plants[model].slopes
+        if model not in self._jacobians:
+            result = self.problem.matrix.jacobian(self.x)
+            moving = None if model == CONTROLLER else self.plants[model].jacobian
             if moving is not None:
                 (r, c), (p, q) = self.controller.shape, moving.shape[1:]
                 both = np.zeros((len(result), r + p, c + q))
                 both[:, :r, :c] = result.reshape(len(result), r, c)
                 both[self.problem.physical, r:, c:] = moving
                 result = both.reshape(len(result), -1)
-            self._slopes[model] = result
-        return self._slopes[model]
+            self._jacobians[model] = result
+        return self._jacobians[model]
 
-    def bends(self, model: int, weights: Array) -> Array:
+    def hessian(self, model: int, weights: Array) -> Array:
         """Return second derivatives of the weighted sum of the entries of these matrices."""
         r, c = self.controller.shape
-        result = self.problem.matrix.bends(self.x, weights[:r, :c])
-        moving = None if model == CONTROLLER else self.plants[model].bends
+        result = self.problem.matrix.hessian(self.x, weights[:r, :c])
+        moving = None if model == CONTROLLER else self.plants[model].hessian
         if moving is not None:
             result[np.ix_(self.problem.physical, self.problem.physical)] += np.tensordot(moving, weights[r:, c:], 2)
         return result
@@ -196,7 +196,7 @@ class Point:
         return -poles.real / (np.abs(poles) + self.problem.ports.slowest)
 
     @cached_property
-    def apart(self) -> float:
+    def edge_distance(self) -> float:
         """Smallest relative distance of the loops from the edge of stability."""
         return min(float(self._distances(self.loop(i).poles).min(initial=1.0)) for i in self._models)
 
@@ -209,8 +209,8 @@ class Point:
             return poles.real / size + limit, 1.0 / size - poles.real * poles / size**3
         if kind == DECAY:
             return (poles.real + limit) / ports.rate, np.full(len(poles), 1.0 / ports.rate)
-        apart = np.maximum(self._distances(poles), _TINY)
-        return np.log(limit / apart), poles / size / (size + ports.slowest) - 1.0 / poles.real
+        distances = np.maximum(self._distances(poles), _TINY)
+        return np.log(limit / distances), poles / size / (size + ports.slowest) - 1.0 / poles.real
 
     def _of_kind(self, model: int, kind: int) -> list[Height]:
         """Return the values of a bound of some kind for the poles nearest to it."""
@@ -269,10 +269,10 @@ class Point:
         pairs = [pair for pair in self.curves if self.problem.is_limit(pair[1]) == limits]
         rough = [(self._scaled(pair[1], self.curves[pair].coarse[2]), pair) for pair in pairs]
         of_poles = self.bounds if limits else []
-        found = [*(item for item in self.squares if self.problem.is_limit(item.channel) == limits), *of_poles]
-        best = max(found, key=lambda item: item.value, default=None)
-        for seen, pair in sorted(rough, reverse=True):
-            if best is not None and seen < best.value + log(BELOW):
+        candidates = [*(item for item in self.squares if self.problem.is_limit(item.channel) == limits), *of_poles]
+        best = max(candidates, key=lambda item: item.value, default=None)
+        for level, pair in sorted(rough, reverse=True):
+            if best is not None and level < best.value + log(BELOW):
                 break  # the grid bounds the peaks: none of these is higher
             peak = self._peak(pair)
             best = peak if best is None or peak.value > best.value else best
@@ -310,24 +310,24 @@ class Point:
         return self.aim + weight * over.value, lambda: self._gradient(self.top) + weight * self._gradient(over)
 
     # -- pieces ----------------------------------------------------------------------------------------------------
-    def pieces(
-        self, window: float, asked: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
-    ) -> list[Piece]:
+    def active_functions(
+        self, window: float, requested: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
+    ) -> list[ActiveFunction]:
         """Return the active functions within a relative window of the highest objective, or of budgets.
 
         These are peaks, requested frequencies, and frequencies of the grid within the fraction ``between``.
         """
-        result: list[Piece] = []
+        result: list[ActiveFunction] = []
         for pair, curve in self.curves.items():
             high = self._near(pair, window)[0]
-            others = sorted(at for *there, at in asked or () if tuple(there) == pair)
+            others = sorted(at for *there, at in requested or () if tuple(there) == pair)
             if between and high:
-                omega, seen, _ = curve.coarse
-                others += omega[seen >= (1.0 - between) * exp(self._level(pair[1]))].tolist()
-            others = [at for at in others if not any(same_place(at, peak, BESIDE) for peak in high)]
+                omega, values, _ = curve.coarse
+                others += omega[values >= (1.0 - between) * exp(self._level(pair[1]))].tolist()
+            others = [at for at in others if not any(same_frequency(at, peak, PEAK_RTOL) for peak in high)]
             result += self._singular(pair, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for item in (*self.squares, *self.bounds):
-            result.append(Piece(*item[:4], self._gradient(item), self.problem.is_limit(item.channel)))
+            result.append(ActiveFunction(*item[:4], self._gradient(item), self.problem.is_limit(item.channel)))
         return result
 
     def tops(self, window: float) -> list[Height]:
@@ -344,37 +344,37 @@ class Point:
         if log(max(curve.coarse[2], _TINY)) < level + log((1.0 - window) * BELOW):
             return [], []
         at, values = curve.peaks
-        kept = values >= (1.0 - window) * max(values[0], exp(level))
-        return at[kept].tolist(), values[kept].tolist()
+        near = values >= (1.0 - window) * max(values[0], exp(level))
+        return at[near].tolist(), values[near].tolist()
 
     def _level(self, channel: int) -> float:
         """Return the level of a channel as a logarithm of its norm: the highest objective, or the budget."""
         return self.problem.offset(channel) + (0.0 if self.problem.is_limit(channel) else self.aim)
 
-    def _singular(self, pair: tuple[int, int], wanted: list[tuple[float, float]]) -> list[Piece]:
+    def _singular(self, pair: tuple[int, int], wanted: list[tuple[float, float]]) -> list[ActiveFunction]:
         """Return the largest singular values at frequencies; within a window also smaller ones and their combinations."""
         if not wanted:
             return []
-        seen: list[tuple[Passage, float, Array, Array, float, bool]] = []
+        vectors: list[tuple[Passage, float, Array, Array, float, bool]] = []
         passages = self.curves[pair].passages(np.array([at for at, _ in wanted]))
         for (at, window), passage in zip(wanted, passages, strict=True):
             U, V, values = passage.U.T, passage.Vh.conj(), passage.values.tolist()
-            seen.append((passage, at, U[0], V[0], values[0], True))
+            vectors.append((passage, at, U[0], V[0], values[0], True))
             for k in range(1, len(values) if window else 1):
                 if values[k] < (1.0 - window) * values[0]:
                     break
-                seen.append((passage, at, U[k], V[k], values[k], False))
+                vectors.append((passage, at, U[k], V[k], values[k], False))
                 for phase in _MIXED if 0.0 < at < inf else _MIXED[:2]:
                     u, v = (U[0] + phase * U[k]) / 2**0.5, (V[0] + phase * V[k]) / 2**0.5
-                    seen.append((passage, at, u, v, 0.5 * (values[0] + values[k]), False))
-        lefts, rights = (np.array([getattr(item[0], side) for item in seen]) for side in ("left", "right"))
-        us, vs = np.array([item[2] for item in seen]).conj(), np.array([item[3] for item in seen])
+                    vectors.append((passage, at, u, v, 0.5 * (values[0] + values[k]), False))
+        lefts, rights = (np.array([getattr(item[0], side) for item in vectors]) for side in ("left", "right"))
+        us, vs = np.array([item[2] for item in vectors]).conj(), np.array([item[3] for item in vectors])
         outer = (us[:, None, :] @ lefts).swapaxes(1, 2) * (rights @ vs[:, :, None]).swapaxes(1, 2)
-        gradients = np.real(outer).reshape(len(seen), -1) @ self.slopes(pair[0]).T
+        gradients = np.real(outer).reshape(len(vectors), -1) @ self.jacobian(pair[0]).T
         limit = self.problem.is_limit(pair[1])
         return [
-            Piece(*pair, at, self._scaled(pair[1], value), gradient / max(value, _TINY), limit, top, passage)
-            for (passage, at, _, _, value, top), gradient in zip(seen, gradients, strict=True)
+            ActiveFunction(*pair, at, self._scaled(pair[1], value), gradient / max(value, _TINY), limit, top, passage)
+            for (passage, at, _, _, value, top), gradient in zip(vectors, gradients, strict=True)
         ]
 
     def _gradient(self, height: Height) -> Array:
@@ -389,7 +389,7 @@ class Point:
         k, n = int(np.argmin(np.abs(poles - pole))), len(loop.A)
         change = np.outer(left[k] @ loop.before[:n], loop.after[:, :n] @ right[:, k])
         factor = 1.0 / self.problem.ports.rate if channel == DECAY else self._bound(channel, poles[[k]])[1][0]
-        return self.slopes(model) @ np.real(np.conj(factor) * change).ravel()
+        return self.jacobian(model) @ np.real(np.conj(factor) * change).ravel()
 
     def h2(self, model: int, channel: int) -> tuple[float, Array]:
         """Return an H2 norm and the gradient of its logarithm."""
@@ -406,7 +406,7 @@ class Point:
         full[:n, :n] = Q @ P
         full[np.ix_(np.arange(n), n + columns)] = Q @ B
         full[np.ix_(n + rows, np.arange(n))] = C @ P
-        gradient = self.slopes(model) @ (loop.before.T @ full @ loop.after.T).ravel() / square
+        gradient = self.jacobian(model) @ (loop.before.T @ full @ loop.after.T).ravel() / square
         return float(np.sqrt(square)), gradient
 
 

@@ -23,7 +23,7 @@ _ROUNDS = 30  # iterations of scaling rows and columns; the error converges quad
 _SLOWEST = 1e-6  # fraction of the fastest pole below which poles are ignored for the band
 _LOW = 1e-3  # fraction of its peak at which a response is clipped for its mean magnitude
 _NOTHING = 1e-10  # fraction of the product of state and output magnitudes below which a response is rounding error
-_BESIDE = np.log(1e3)  # log ratio to the rest of its row and column below which a response is ignored for scaling
+_LOG_RATIO = np.log(1e3)  # log ratio to the rest of its row and column below which a response is ignored for scaling
 _LARGEST_GAIN = 1e6  # largest free parameter over its natural size: bounds infima at infinite gain
 CONTROLLER = -1  # model index of the controller itself
 GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY, EDGE = -1, -2, -3, -4, -5  # channel indices of bounds
@@ -156,7 +156,7 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
             size += _size(part, omega)
         size /= len(plants)
         lines = [np.fmax.reduce(size, axis=k, initial=-np.inf, keepdims=True) for k in (0, 1)]
-        size = np.where(size < np.minimum(*lines) - _BESIDE, np.nan, size)
+        size = np.where(size < np.minimum(*lines) - _LOG_RATIO, np.nan, size)
         for _ in range(_ROUNDS):
             rows = _mean(size + columns, 1)
             columns = -_mean(size - rows[:, None], 0)

@@ -15,7 +15,7 @@ from boomctl.tuning.loops import Closed
 
 _POINTS = 24  # logarithmically spaced grid points, in addition to the resonances
 _SPREAD = np.arange(_POINTS) / (_POINTS - 1.0)
-_PLACES = np.array([-1.0, 0.0, 1.0])  # grid points around a resonance, in half-widths
+_OFFSETS = np.array([-1.0, 0.0, 1.0])  # grid points around a resonance, in half-widths
 _SLOWEST = 1e-7  # fraction of the fastest pole below which peaks are sought at zero only
 _NARROWEST = 1e-9  # smallest relative half-width of a resonance
 _ROUNDS = 6  # bracket refinements, each to a tenth or less of the width for a smooth peak
@@ -57,7 +57,7 @@ class Bracket(NamedTuple):
         flat = min(self.left, self.top, self.right) >= self.top * (1.0 - _FLAT)
         return flat or not self.high - self.low > _PLACED * self.high
 
-    def asked(self) -> list[float]:
+    def candidates(self) -> list[float]:
         """Return the next frequencies: around the peak of the resonance through the three points."""
         low, middle, high = self[:3]
         try:
@@ -66,8 +66,8 @@ class Bracket(NamedTuple):
             vertex = middle
         if not low < vertex < high:
             vertex = middle
-        beside = _CLOSE * (high - low)
-        ends = max(vertex - beside, low), min(vertex + beside, high)
+        distance = _CLOSE * (high - low)
+        ends = max(vertex - distance, low), min(vertex + distance, high)
         return [ends[0], vertex, ends[1], 0.5 * (low + middle), 0.5 * (middle + high)]
 
     def narrowed(self, omega: list[float], values: list[float]) -> "Bracket":
@@ -76,7 +76,7 @@ class Bracket(NamedTuple):
         heights = [height for _, height in known]
         best = heights.index(max(heights))
         around = [known[k] for k in (max(best - 1, 0), best, min(best + 1, len(known) - 1))]
-        return Bracket(*(place for place, _ in around), *(value for _, value in around))
+        return Bracket(*(frequency for frequency, _ in around), *(value for _, value in around))
 
 
 @dataclass(frozen=True)
@@ -164,38 +164,42 @@ class Response:
         tops = np.flatnonzero((values >= left) & (values >= right))
         # a maximum on the grid may be near a higher peak: slightly lower ones are refined too
         tops = tops[values[tops] >= (1.0 - WINDOW) * highest * BELOW]
-        places, heights = omega.tolist(), values.tolist()
+        frequencies, heights = omega.tolist(), values.tolist()
         brackets = [
-            Bracket(*(item[i] for item in (places, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1))))
+            Bracket(
+                *(item[i] for item in (frequencies, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1)))
+            )
             for k in tops.tolist()
         ]
         for _ in range(_ROUNDS):
             going = [k for k, bracket in enumerate(brackets) if not bracket.narrow]
             if not going:
                 break
-            asked = [brackets[k].asked() for k in going]
-            result = self.largest(np.array(asked).ravel()).reshape(-1, len(asked[0])).tolist()
-            for k, more, there in zip(going, asked, result, strict=True):
+            requests = [brackets[k].candidates() for k in going]
+            result = self.largest(np.array(requests).ravel()).reshape(-1, len(requests[0])).tolist()
+            for k, more, there in zip(going, requests, result, strict=True):
                 brackets[k] = brackets[k].narrowed(more, there)
         both = [(bracket.top, bracket.middle) for bracket in brackets]
         if self.through > 0.0:
             both.append((self.through, inf))
-        both.sort(key=lambda each: -each[0])
-        kept: list[tuple[float, float]] = []
+        both.sort(key=lambda pair: -pair[0])
+        distinct: list[tuple[float, float]] = []
         for value, at in both:
             # neighbors on the grid may converge to the same peak
-            if value >= (1.0 - WINDOW) * both[0][0] and not any(same_place(at, k[1], 10.0 * _PLACED) for k in kept):
-                kept.append((value, at))
-        return np.array([at for _, at in kept]), np.array([value for value, _ in kept])
+            if value >= (1.0 - WINDOW) * both[0][0] and not any(
+                same_frequency(at, k[1], 10.0 * _PLACED) for k in distinct
+            ):
+                distinct.append((value, at))
+        return np.array([at for _, at in distinct]), np.array([value for value, _ in distinct])
 
     @cached_property
     def _paths(self) -> tuple[Array, Array, Array]:
         """Input, output and feedthrough matrices of the channel and the controller's changes together."""
         loop, n, (_, into, out_of), (B, C) = self.loop, len(self.A), self.loop.coordinates, self._ends
         top = np.concatenate([self.D, loop.before[n + self.rows]], axis=1)
-        beside = np.concatenate([top, np.concatenate([loop.after[:, n + self.columns], loop.around], axis=1)])
+        feedthrough = np.concatenate([top, np.concatenate([loop.after[:, n + self.columns], loop.around], axis=1)])
         enters = np.concatenate([B, into @ loop.before[:n]], axis=1)
-        return enters, np.concatenate([C, loop.after[:, :n] @ out_of]), beside
+        return enters, np.concatenate([C, loop.after[:, :n] @ out_of]), feedthrough
 
     def through_states(self, omega: Array, power: int) -> Array:
         """Return output times a power of the resolvent times input matrix at finite frequencies, (n, p + c, m + r)."""
@@ -244,13 +248,13 @@ def grid(poles: Array, also: Array) -> Array:
     """Return ascending frequencies, from zero, that resolve all resonances."""
     size = np.abs(poles)
     top = float(size.max(initial=0.0))
-    seen = size[size > _SLOWEST * top]
-    if not len(seen):
+    rates = size[size > _SLOWEST * top]
+    if not len(rates):
         return np.unique(np.concatenate([[0.0], also]))
     resonant = poles[poles.imag > 0.0]
     width = np.maximum(np.abs(resonant.real), _NARROWEST * np.abs(resonant))
-    near = (resonant.imag[:, None] + width[:, None] * _PLACES).ravel()
-    low, high = log(0.1 * float(seen.min())), log(10.0 * top)
+    near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
+    low, high = log(0.1 * float(rates.min())), log(10.0 * top)
     spread = np.exp(low + (high - low) * _SPREAD)
     real = -poles.real[(poles.imag == 0.0) & (size > _SLOWEST * top)]
     result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
@@ -258,6 +262,6 @@ def grid(poles: Array, also: Array) -> Array:
     return result[np.append(True, result[1:] > result[:-1])]
 
 
-def same_place(a: float, b: float, share: float) -> bool:
+def same_frequency(a: float, b: float, rtol: float) -> bool:
     """Return True if two frequencies are equal to a fraction of the higher one; infinity equals itself only."""
-    return a == b or (isfinite(a) and isfinite(b) and abs(a - b) <= share * max(abs(a), abs(b)))
+    return a == b or (isfinite(a) and isfinite(b) and abs(a - b) <= rtol * max(abs(a), abs(b)))

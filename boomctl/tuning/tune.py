@@ -20,9 +20,9 @@ from boomctl.synthesis.certificate import ChannelNorm
 from boomctl.synthesis.plants.channels import Channel, objective
 from boomctl.threads import one_blas_thread
 from boomctl.tunable.structures import ControllerForm, Physical, terms
-from boomctl.tuning.certificate import channel_norm, loop_of, share_used, verified
+from boomctl.tuning.certificate import budget_ratio, channel_norm, loop_of, verified
 from boomctl.tuning.initial import initial_numbers
-from boomctl.tuning.plants import FamilyPlants, Plants, made_plants
+from boomctl.tuning.plants import FamilyPlants, Plants, build_plants
 from boomctl.tuning.problem import BOUNDS, DAMPING, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.search import Search, search
@@ -131,16 +131,16 @@ def tune(
         )
     structure = instance("structure", structure, ControllerForm, "a structure of boomctl.tunable")
     listed = _channels(channels, norm)
-    given = {
+    bounds = {
         "max_gain": max_gain,
         "fastest_pole": fastest_pole,
         "min_damping_ratio": min_damping_ratio,
         "min_decay_rate": min_decay_rate,
     }
     limits = {
-        kind: within(name, given[name], 0.0, 1.0) if kind == DAMPING else positive(name, given[name])
+        kind: within(name, bounds[name], 0.0, 1.0) if kind == DAMPING else positive(name, bounds[name])
         for kind, name in BOUNDS.items()
-        if given[name] is not None
+        if bounds[name] is not None
     }
     count, number = whole("n_starts", n_starts), whole("seed", seed, 0)
     deadline = Deadline(positive("time_limit", time_limit))
@@ -152,8 +152,8 @@ def tune(
             structure, _plants(P, *counts, structure) if over is None else over.plants(), listed, limits
         )
         _check(problem)
-        begun = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
-        result = _searched(problem, count, np.random.default_rng(number), begun, deadline)
+        initial = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
+        result = _searched(problem, count, np.random.default_rng(number), initial, deadline)
         worst, stages = None, [*problem.plants.stages, *result.stages]
         if over is not None and over.uncertain:
             result, worst = _over_family(over, result, number, stages)
@@ -181,12 +181,12 @@ def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> t
         if names.count(name) > 1:
             raise ValueError(f"structure: the physical parameter {name!r} is there twice")
     passive = all(isinstance(part, Physical) for part in terms(structure))
-    given = [
+    counts = [
         (what, n, whole(what, n, 0 if passive else 1))
         for what, n in (("nmeas", nmeas), ("ncon", ncon))
         if n is not None
     ]
-    if passive and any(n for _, n, _ in given):
+    if passive and any(n for _, n, _ in counts):
         raise ValueError(f"nmeas, ncon = {nmeas}, {ncon}: expected 0, 0 for a structure of physical parameters alone")
     return (0, 0) if passive else (nmeas, ncon)
 
@@ -194,17 +194,17 @@ def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> t
 def _family(
     P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, family: "Family | None"
 ) -> FamilyPlants:
-    given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
+    checked = instance("family", family, Family, "AffineFamily or PolynomialFamily")
     make = function_of("P", P, "a structure of the family to a generalized plant")
     for item in structure.physicals():
-        known("parameter of the family", item.name, given.names)
-        low, high = given.ranges[item.name]
+        known("parameter of the family", item.name, checked.names)
+        low, high = checked.ranges[item.name]
         if item.low < low or item.high > high:
             raise ValueError(
                 f"physical {item.name!r} from {item.low:g} to {item.high:g}: expected a range within the family's,"
                 f" {low:g} to {high:g}"
             )
-    return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
+    return FamilyPlants(checked, make, nmeas, ncon, structure.physicals())
 
 
 def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm) -> Plants:
@@ -214,7 +214,7 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerFo
     physical = structure.physicals()
     if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
         function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
-    return made_plants(many, nmeas, ncon, physical)
+    return build_plants(many, nmeas, ncon, physical)
 
 
 def _check(problem: Problem) -> None:
@@ -247,7 +247,7 @@ def _check(problem: Problem) -> None:
 
 
 def _searched(
-    problem: Problem, starts: int, rng: np.random.Generator, begun: list[Array], deadline: Deadline
+    problem: Problem, starts: int, rng: np.random.Generator, initial: list[Array], deadline: Deadline
 ) -> Search:
     """Run a search and return it.
 
@@ -258,7 +258,7 @@ def _searched(
     """
     with np.errstate(all="ignore"), warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # from rejected trial points
-        result = search(problem, starts, rng, deadline, begun)
+        result = search(problem, starts, rng, deadline, initial)
     if result.best is None:
         ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
         when = ended.get((result.stages or [""])[-1], "")
@@ -272,38 +272,38 @@ def _searched(
 
 
 def _over_family(
-    over: FamilyPlants, found: Search, seed: int, stages: list[str]
+    over: FamilyPlants, current: Search, seed: int, stages: list[str]
 ) -> "tuple[Search, ChannelNorm | None]":
     """Repeat the search with the worst points of the family as models, until none is worse."""
     worst = None
     for extra in range(_MORE_POINTS + 1):
-        plants, deadline = found.problem.plants, found.deadline
+        plants, deadline = current.problem.plants, current.deadline
         tell("worst point of the family")
-        excess, point, worst = _worst(over, found)
+        excess, point, worst = _worst(over, current)
         if excess <= _WORSE:
             stages.append(f"nothing worse in the family, {len(plants.models)} points")
             break
         more = over.model(point)
-        if extra == _MORE_POINTS or "stopped" in found.stages or deadline.over:
+        if extra == _MORE_POINTS or "stopped" in current.stages or deadline.over:
             stages.append(f"worse by {100.0 * excess:.3g} % at {more.label}")
             break
         stages.append(f"added {more.label}")
-        problem = replace(found.problem, plants=replace(plants, models=(*plants.models, more)))
+        problem = replace(current.problem, plants=replace(plants, models=(*plants.models, more)))
         try:
-            again = _searched(problem, _AGAIN, np.random.default_rng(seed + extra + 1), [found.design], deadline)
+            again = _searched(problem, _AGAIN, np.random.default_rng(seed + extra + 1), [current.design], deadline)
         except SynthesisError:
             stages.append("found nothing with it")
             break
-        again.earlier = found.starts
+        again.earlier = current.starts
         stages += again.stages
-        found = again
-    return found, worst
+        current = again
+    return current, worst
 
 
-def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
+def _worst(over: FamilyPlants, result: Search) -> tuple[float, Array, ChannelNorm]:
     """Return the relative excess of a family's worst point over the tuned ones, that point, and its largest objective."""
-    problem, size = found.problem, len(over.uncertain)
-    K, values = problem.lti(found.design), problem.physical_values(found.design)
+    problem, size = result.problem, len(over.uncertain)
+    K, values = problem.lti(result.design), problem.physical_values(result.design)
     aims = [item for item in problem.channels if problem.budgets_alone or item.budget is None]
 
     def norms(point: Array) -> list[tuple[float, ChannelNorm]]:
@@ -314,12 +314,14 @@ def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm
             bad = NormBounds(inf, inf, nan, UNSTABLE)
             return [(inf, ChannelNorm(over.model(point).label, item, bad)) for item in problem.channels]
         there = [ChannelNorm(over.model(point).label, c, channel_norm(loop, plant, K, c)) for c in problem.channels]
-        return [(share_used(item) / (exp(found.value) if item.channel in aims else 1.0) - 1.0, item) for item in there]
+        return [
+            (budget_ratio(item) / (exp(result.value) if item.channel in aims else 1.0) - 1.0, item) for item in there
+        ]
 
     def of_aims(point: Array) -> tuple[float, ChannelNorm]:
         """Return the largest objective, excluding budgets."""
-        return max((item for item in norms(point) if item[1].channel in aims), key=lambda each: each[0])
+        return max((item for item in norms(point) if item[1].channel in aims), key=lambda pair: pair[0])
 
     point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size, 1.0)
     at = point if len(aims) == len(problem.channels) else pattern_search(lambda d: of_aims(d)[0], size, 1.0)[0]
-    return most, point, max((of_aims(d) for d in (point, at)), key=lambda each: each[0])[1]
+    return most, point, max((of_aims(d) for d in (point, at)), key=lambda pair: pair[0])[1]

@@ -10,9 +10,9 @@ from scipy.optimize import nnls
 from boomctl.arrays import Array
 from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.point import BESIDE, Height, Piece, Point
+from boomctl.tuning.point import PEAK_RTOL, ActiveFunction, Height, Point
 from boomctl.tuning.problem import GAIN_LIMIT
-from boomctl.tuning.responses import WINDOW, same_place
+from boomctl.tuning.responses import WINDOW, same_frequency
 from boomctl.tuning.solver.descent import Ended
 
 _MOST = 80  # active functions at most, the highest ones
@@ -75,27 +75,27 @@ class Polish:
             return Ended(self._point.x, value, 0)
         history = [value]
         for k in range(steps):
-            asked: set[tuple[int, int, float]] = set()
-            pieces = _chosen(self._point, asked)
-            self._sizes = _sizes(pieces, self._H)
-            self._H = _curvature(self._point, pieces, self._step(pieces, value, -inf)[2], self._sizes)
-            self._sizes = _sizes(pieces, self._H)
+            requested: set[tuple[int, int, float]] = set()
+            functions = _chosen(self._point, requested)
+            self._sizes = _sizes(functions, self._H)
+            self._H = _curvature(self._point, functions, self._step(functions, value, -inf)[2], self._sizes)
+            self._sizes = _sizes(functions, self._H)
             for trial in range(_TRIALS):
-                d, promised, _ = self._step(pieces, value, self._hard)
-                if promised <= self._gain:
+                d, predicted, _ = self._step(functions, value, self._hard)
+                if predicted <= self._gain:
                     return Ended(self._point.x, value, k, self._damping < 1e3 * _DAMPING)
-                there, result = self._corrected(d, pieces, value, promised)
-                if result <= value - _FALL * promised:
+                there, result = self._corrected(d, functions, value, predicted)
+                if result <= value - _FALL * predicted:
                     if trial == 0:
-                        good = value - result >= _GOOD * promised
+                        good = value - result >= _GOOD * predicted
                         self._damping = max((0.1 if good else 0.4) * self._damping, _LEAST)
                     break
-                more = _unseen(there, pieces) - asked if isfinite(result) else set()
+                more = _new_peaks(there, functions) - requested if isfinite(result) else set()
                 if more:
-                    asked |= more
-                    pieces = _chosen(self._point, asked)
-                bends = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
-                self._damping = min(max((2.0 if more else 6.0) * self._damping, bends), _LARGEST)
+                    requested |= more
+                    functions = _chosen(self._point, requested)
+                shorter = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
+                self._damping = min(max((2.0 if more else 6.0) * self._damping, shorter), _LARGEST)
             else:
                 return Ended(self._point.x, value, k)
             self._point, value = there, result
@@ -104,32 +104,34 @@ class Polish:
                 return Ended(self._point.x, value, k + 1)
         return Ended(self._point.x, value, steps)
 
-    def _tried(self, d: Array) -> tuple[Point, float]:
+    def _trial(self, d: Array) -> tuple[Point, float]:
         """Return the loops after a step, and their merit."""
         there = self._point_at(self._point.problem.clipped(self._point.x + d))
         return there, there.merit(self._weight)[0]
 
-    def _corrected(self, d: Array, pieces: list[Piece], value: float, promised: float) -> tuple[Point, float]:
+    def _corrected(
+        self, d: Array, functions: list[ActiveFunction], value: float, predicted: float
+    ) -> tuple[Point, float]:
         """Return the loops after a step, with second-order corrections while they lower the merit."""
-        there, result = self._tried(d)
+        there, result = self._trial(d)
         for _ in range(_CORRECTIONS):
-            if not isfinite(result) or result <= value - _GOOD * promised:
+            if not isfinite(result) or result <= value - _GOOD * predicted:
                 break
-            bent = _bent_pieces(pieces, there, there.x - self._point.x)
-            further, lower = self._tried(self._step(bent, value, self._hard)[0])
+            bent = _corrected_functions(functions, there, there.x - self._point.x)
+            further, lower = self._trial(self._step(bent, value, self._hard)[0])
             if lower >= result:
                 break
             there, result = further, lower
         return there, result
 
-    def _step(self, pieces: list[Piece], value: float, wanted: float) -> tuple[Array, float, Array]:
+    def _step(self, functions: list[ActiveFunction], value: float, wanted: float) -> tuple[Array, float, Array]:
         """Return the step of a quadratic program, its predicted decrease, and the multipliers of the active functions.
 
         Rows are soft, unless the predicted decrease is then at most ``wanted``.
         """
         x, problem, root = self._point.x, self._point.problem, np.sqrt(self._sizes)  # steps count in natural sizes
-        values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
-        limits, n, count = np.array([p.limit for p in pieces]), len(x), len(pieces)
+        values, gradients = np.array([p.value for p in functions]), np.array([p.gradient for p in functions]) / root
+        limits, n, count = np.array([p.limit for p in functions]), len(x), len(functions)
         top, some = values[~limits].max(), int(limits.any())
         curved = self._H / root / root[:, None]
         # variables: the step, the highest objective, and with constraints the worst violation
@@ -137,39 +139,43 @@ class Polish:
         Q, c, unit = np.zeros((m, m)), np.zeros(m), np.eye(m)
         Q[:n, :n] = curved + self._damping * np.eye(n)
         c[n], c[n + 1 :] = 1.0, self._weight
-        rows = np.hstack([slopes, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
+        rows = np.hstack([gradients, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
         up, down = np.maximum((problem.high - x) * root, 0.0), np.maximum((x - problem.low) * root, 0.0)
         above, below = up < _FAR, down < _FAR
         rows = np.vstack([rows, -unit[n + 1 :], unit[:n][above], -unit[:n][below]])
         sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up[above], down[below]])
         for give in (_GIVE, 0.0):
             y, z = least(Q, c, rows, sides, give)
-            there = values + slopes @ y[:n]
+            there = values + gradients @ y[:n]
             over = max(float(there[limits].max(initial=0.0)), 0.0)
-            promised = value - (float(there[~limits].max()) + self._weight * over) - 0.5 * float(y[:n] @ curved @ y[:n])
-            if promised > wanted:
+            predicted = (
+                value - (float(there[~limits].max()) + self._weight * over) - 0.5 * float(y[:n] @ curved @ y[:n])
+            )
+            if predicted > wanted:
                 break
-        return y[:n] / root, promised, z[:count]
+        return y[:n] / root, predicted, z[:count]
 
 
-def _sizes(pieces: list[Piece], H: Array) -> Array:
+def _sizes(functions: list[ActiveFunction], H: Array) -> Array:
     """Return squared inverse natural sizes of the free parameters, from gradients and curvatures."""
-    squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
+    squares = np.max([p.gradient**2 for p in functions], axis=0) + np.abs(np.diag(H))
     return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), TINY))
 
 
-def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
+def _curvature(point: Point, functions: list[ActiveFunction], multipliers: Array, sizes: Array) -> Array:
     """Return the Hessian of the Lagrangian with negative eigenvalues reversed, so that steps leave saddle points."""
     n = len(point.x)
-    H, moved = np.zeros((n, n)), [point.beside(point.x + step) for step in _LITTLE * np.eye(n)]
-    for multiplier, piece in zip(multipliers, pieces, strict=True):
-        if multiplier <= _ACTIVE or piece.channel < GAIN_LIMIT or not piece.top:
+    H, moved = np.zeros((n, n)), [point.with_parameters(point.x + step) for step in _LITTLE * np.eye(n)]
+    for multiplier, function in zip(multipliers, functions, strict=True):
+        if multiplier <= _ACTIVE or function.channel < GAIN_LIMIT or not function.top:
             continue
-        if np.isnan(piece.omega):  # H2 norm: finite differences of its gradient
-            there = [item.h2(piece.model, piece.channel)[1] if item.stable else piece.gradient for item in moved]
-            H += multiplier * (np.array(there) - piece.gradient) / _LITTLE
+        if np.isnan(function.omega):  # H2 norm: finite differences of its gradient
+            there = [
+                item.h2(function.model, function.channel)[1] if item.stable else function.gradient for item in moved
+            ]
+            H += multiplier * (np.array(there) - function.gradient) / _LITTLE
         else:
-            H += multiplier * peak_hessian(point, piece)
+            H += multiplier * peak_hessian(point, function)
     if not np.isfinite(H).all():
         return np.zeros((n, n))
     root = np.sqrt(sizes)
@@ -177,44 +183,46 @@ def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Arr
     return (root[:, None] * vectors * np.abs(values)) @ (vectors.T * root)
 
 
-def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
-    pieces = sorted(point.pieces(WINDOW, asked, between=_BETWEEN), key=lambda p: p.value, reverse=True)
-    return [p for p in pieces if not p.limit][:_MOST] + [p for p in pieces if p.limit][:_MOST]
+def _chosen(point: Point, requested: "set[tuple[int, int, float]]") -> list[ActiveFunction]:
+    functions = sorted(point.active_functions(WINDOW, requested, between=_BETWEEN), key=lambda p: p.value, reverse=True)
+    return [p for p in functions if not p.limit][:_MOST] + [p for p in functions if p.limit][:_MOST]
 
 
-def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
+def _corrected_functions(functions: list[ActiveFunction], trial: Point, d: Array) -> list[ActiveFunction]:
     """Return active functions with values shifted such that their linearizations are exact at a trial point."""
     return [
-        piece if near is None or not piece.top else piece._replace(value=near.value - float(piece.gradient @ d))
-        for piece, near in zip(pieces, _nearest(pieces, trial.tops(WINDOW)), strict=True)
+        function
+        if near is None or not function.top
+        else function._replace(value=near.value - float(function.gradient @ d))
+        for function, near in zip(functions, _nearest(functions, trial.tops(WINDOW)), strict=True)
     ]
 
 
-def _nearest(pieces: list[Piece], others: list[Height]) -> list[Height | None]:
+def _nearest(functions: list[ActiveFunction], others: list[Height]) -> list[Height | None]:
     """Match active functions with those of another point; None if one has no counterpart."""
-    if not others or not pieces:
-        return [None] * len(pieces)
-    mine, theirs = np.array([item[:3] for item in pieces])[:, None], np.array([item[:3] for item in others])
+    if not others or not functions:
+        return [None] * len(functions)
+    mine, theirs = np.array([item[:3] for item in functions])[:, None], np.array([item[:3] for item in others])
     a, b = mine[..., 2], theirs[:, 2]
     with np.errstate(invalid="ignore"):  # infinity minus infinity, and nan
-        apart = np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
-    apart[(a == b) | np.isnan(a)] = 0.0
-    apart[(mine[..., :2] != theirs[:, :2]).any(axis=2) | np.isnan(apart)] = inf
-    return [others[k] if row[k] <= _NEAR else None for row, k in zip(apart, apart.argmin(axis=1), strict=True)]
+        distance = np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
+    distance[(a == b) | np.isnan(a)] = 0.0
+    distance[(mine[..., :2] != theirs[:, :2]).any(axis=2) | np.isnan(distance)] = inf
+    return [others[k] if row[k] <= _NEAR else None for row, k in zip(distance, distance.argmin(axis=1), strict=True)]
 
 
-def _unseen(trial: Point, pieces: list[Piece]) -> "set[tuple[int, int, float]]":
+def _new_peaks(trial: Point, functions: list[ActiveFunction]) -> "set[tuple[int, int, float]]":
     """Return the highest peaks at a trial point that are not among the active functions."""
     result = set()
     for model, channel, omega, *_ in (trial.top, *([trial.over] if trial.over else [])):
-        there = [p.omega for p in pieces if (p.model, p.channel) == (model, channel)]
+        there = [p.omega for p in functions if (p.model, p.channel) == (model, channel)]
         at_peak = channel >= GAIN_LIMIT and not np.isnan(omega)
-        if at_peak and not any(same_place(omega, item, BESIDE) for item in there):
+        if at_peak and not any(same_frequency(omega, item, PEAK_RTOL) for item in there):
             result.add((model, channel, omega))
     return result
 
 
-def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> float:
+def stationarity(functions: list[ActiveFunction], point: Point, low: Array, high: Array) -> float:
     """Return the norm of the smallest element of the convex hull of gradients over the largest gradient norm.
 
     Parameters are in natural sizes, components out of active bounds are removed.  It is 0 at a stationary point and 1 if all
@@ -222,20 +230,20 @@ def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> 
     curvature: 0 at a smooth minimum.
     """
     x = point.x
-    if not pieces or not len(x):
+    if not functions or not len(x):
         return 0.0
     H = np.zeros((len(x), len(x)))
-    if len(pieces) == 1:
-        H = _curvature(point, pieces, np.ones(1), _sizes(pieces, H))
-    slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, H))
-    longest = 1.0 if H.any() else float(np.linalg.norm(slopes, axis=1).max())
+    if len(functions) == 1:
+        H = _curvature(point, functions, np.ones(1), _sizes(functions, H))
+    gradients = np.array([p.gradient for p in functions]) / np.sqrt(_sizes(functions, H))
+    longest = 1.0 if H.any() else float(np.linalg.norm(gradients, axis=1).max())
     if longest == 0.0:
         return 0.0
     n = len(x)
     H = np.diag([*np.ones(n), 0.0])
     c = np.append(np.zeros(n), 1.0)
-    aims = np.array([not p.limit for p in pieces])
-    rows = np.column_stack([slopes / longest, np.where(aims, -1.0, 0.0)])
+    aims = np.array([not p.limit for p in functions])
+    rows = np.column_stack([gradients / longest, np.where(aims, -1.0, 0.0)])
     unit = np.eye(n + 1)[:n]
     G = np.vstack([rows, unit[x >= high], -unit[x <= low]])
     y, _ = least(H, c, G, np.zeros(len(G)))

@@ -119,8 +119,8 @@ def _weak_wolfe(
 ) -> tuple[Array, float, Array] | None:
     """Return a step that satisfies the weak Wolfe conditions; or one with sufficient decrease only, or None."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(d > 0.0, (high - x) / d, np.where(d < 0.0, (low - x) / d, inf))
-    longest = float(np.nanmin(room)) if len(room) else inf
+        distance = np.where(d > 0.0, (high - x) / d, np.where(d < 0.0, (low - x) / d, inf))
+    longest = float(np.nanmin(distance)) if len(distance) else inf
     t = min(1.0 / max(1.0, float(np.linalg.norm(d))) if fresh else 1.0, longest)
     short, far = 0.0, inf
     best: tuple[Array, float, Array] | None = None
