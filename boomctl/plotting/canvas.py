@@ -70,7 +70,7 @@ class Sheet(Figure):
     """A figure that belongs to no window, and takes the size of the picture that is drawn on it."""
 
 
-def figure_of(plot: Callable[..., Any], *given: Any, **options: Any) -> Figure:
+def figure_of(plot: Callable[..., Any], *arguments: Any, **options: Any) -> Figure:
     """Return a picture as a figure that belongs to no window: pyplot is not imported, and has nothing to close.
 
     For reports and servers, which draw many pictures, in threads and processes.
@@ -89,7 +89,7 @@ def figure_of(plot: Callable[..., Any], *given: Any, **options: Any) -> Figure:
     'distance [m]'
     """
     sheet = Sheet(layout="constrained")
-    plot(*given, ax=sheet, **options)
+    plot(*arguments, ax=sheet, **options)
     return sheet
 
 
@@ -128,12 +128,12 @@ def panels(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Div
     import matplotlib.pyplot as plt  # the only place: reports must not have figures that pyplot keeps
 
     # before the look, whose end takes settings back: a notebook's backend sets some when it meets its first figure
-    made = plt.figure(figsize=size, layout="constrained")
+    figure = plt.figure(figsize=size, layout="constrained")
     try:
         with style():
-            yield _axes(made, names, size, divide)
+            yield _axes(figure, names, size, divide)
     except BaseException:
-        plt.close(made)
+        plt.close(figure)
         raise
 
 
@@ -142,20 +142,20 @@ def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divi
         if isinstance(ax, Sheet):
             ax.set_size_inches(*size)
         parts: Any = ax.subplots(len(names), 1, sharex=True) if divide is None else divide(ax)
-        given = list(np.ravel(np.asarray(parts, dtype=object)))
+        axes = list(np.ravel(np.asarray(parts, dtype=object)))
     else:
-        given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-        if not all(isinstance(item, Axes) for item in given):
+        axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+        if not all(isinstance(item, Axes) for item in axes):
             many = f"a sequence of {len(names)} ({', '.join(names)})" if len(names) > 1 else "a figure"
             raise TypeError(f"ax = {shown(ax)}: expected matplotlib axes, or {many}")
-        if len(given) != len(names):
-            raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(given)}")
-    result = np.empty(len(given), dtype=object)
-    result[:] = given
+        if len(axes) != len(names):
+            raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(axes)}")
+    result = np.empty(len(axes), dtype=object)
+    result[:] = axes
     return result
 
 
-def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
+def line_look(style: Mapping[str, Any], **default: Any) -> dict[str, Any]:
     """Return line properties: the defaults, updated by properties of matplotlib in long or short form.
 
     A given label is prefixed to the default label: "LQG: tip_left".
@@ -165,19 +165,19 @@ def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
     TypeError
         If a property is not one of a line.
     """
-    given = normalize_kwargs(dict(asked), Line2D)
-    for name in given:
+    properties = normalize_kwargs(dict(style), Line2D)
+    for name in properties:
         if not hasattr(Line2D, f"set_{name}"):
             there = [word.removeprefix("set_") for word in dir(Line2D) if word.startswith("set_")]
             close = get_close_matches(name, there, n=1, cutoff=0.6)
             hint = f"; did you mean {close[0]!r}?" if close else _OF_OTHERS.get(name, "")
             raise TypeError(f"plot() got an unexpected keyword argument {name!r}, which is no property of a line{hint}")
     own = default.get("label")
-    if given.get("label") is not None and own is not None:
-        given["label"] = f"{given['label']}: {own}"
-    elif given.get("label") is None:
-        given.pop("label", None)
-    return default | given
+    if properties.get("label") is not None and own is not None:
+        properties["label"] = f"{properties['label']}: {own}"
+    elif properties.get("label") is None:
+        properties.pop("label", None)
+    return default | properties
 
 
 def in_rows(count: int) -> tuple[int, int, Divide]:
@@ -207,7 +207,7 @@ def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
 def legend(ax: Any, outside: str = "", columns: int = 1, **look: Any) -> None:
     """Draw a legend if a curve has a label, within the axes or outside them ("above", "above left", "right")."""
     if ax.get_legend_handles_labels()[1]:
-        ax.legend(**look, **(_OUTSIDE[outside] | {"ncols": columns} if outside and beside(ax) else {}))
+        ax.legend(**look, **(_OUTSIDE[outside] | {"ncols": columns} if outside and reserves_space(ax) else {}))
 
 
 _OUTSIDE: dict[str, dict[str, Any]] = {
@@ -232,18 +232,18 @@ def few_labels(ax: Any) -> None:
             axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(_DECADES, _FRACTION)))
 
 
-def beside(ax: Any) -> bool:
+def reserves_space(ax: Any) -> bool:
     """Return True if the layout of the figure reserves space outside the axes."""
     return ax.figure.get_layout_engine() is not None
 
 
-def common_legend(ax: Any, axes: Any, place: str = "lower center", **options: Any) -> None:
+def common_legend(ax: Any, axes: Any, location: str = "lower center", **options: Any) -> None:
     """Draw the legend of one of the axes: below the whole picture if it has a figure to itself, otherwise within them.
 
     ``ax`` is what the user gave.
     """
     if ax is None or isinstance(ax, FigureBase):
-        axes.figure.legend(*axes.get_legend_handles_labels(), loc=f"outside {place}", **options)
+        axes.figure.legend(*axes.get_legend_handles_labels(), loc=f"outside {location}", **options)
     else:
         axes.legend()
 

@@ -53,9 +53,9 @@ def plot_reduction(
         where = "in the band" if result.omega_range is not None else "everywhere"
         levels = [("verified", where, result.error_norm, "--", ends)]
         levels += [("bound beforehand", "everywhere", result.error_bound, ":", x[[0, -1]])]
-        for name, place, level, dash, across in levels:
+        for name, extent, level, dash, across in levels:
             if 0.0 < level < np.inf:
-                text = f"{name}: at most {level:.3g} {place}"
+                text = f"{name}: at most {level:.3g} {extent}"
                 axes.plot(across, [level, level], linestyle=dash, color="0.2", linewidth=1.0, label=text)
         if (largest := float(curves.error.max())) > 0.0:
             low, high = axes.get_ylim()

@@ -13,7 +13,7 @@ from boomctl.checks import names
 from boomctl.lti.frequency import MODES
 from boomctl.lti.rounding import SUMMED
 from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, in_rows, legend, line_look, over_time, panels
-from boomctl.plotting.margins import NARROW, ROOM, SHADE, WIDE, draw_critical
+from boomctl.plotting.margins import MARGIN, NARROW, SHADE, WIDE, draw_critical
 
 if TYPE_CHECKING:
     from boomctl.analysis.looking.bode import BodeResult
@@ -62,14 +62,14 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
     with panels(ax, ("magnitude", "phase"), (6.4, 5.4)) as axes:
         upper, lower = axes
         scale = frequency_axis(lower, frequency_unit, result.frequency_unit)
-        seen = result.omega > 0.0  # there is no zero on a logarithmic axis
-        x, pairs = result.omega[seen] / scale, list(np.ndindex(result.frdata.shape[:2]))
+        shown = result.omega > 0.0  # there is no zero on a logarithmic axis
+        x, pairs = result.omega[shown] / scale, list(np.ndindex(result.frdata.shape[:2]))
         pair_names = [f"{result.input_labels[i]} → {result.output_labels[o]}" for o, i in pairs]
         phase = result.phase_deg
         for (o, i), look in zip(pairs, _looks(style, pair_names), strict=True):
-            size = np.abs(result.frdata[o, i])[seen]
+            size = np.abs(result.frdata[o, i])[shown]
             (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
-            lower.semilogx(x, phase[o, i][seen], **look)
+            lower.semilogx(x, phase[o, i][shown], **look)
         if result._unstable:
             said = "unstable: no response to sines, which would grow"
             upper.text(0.5, 1.02, said, transform=upper.transAxes, ha="center", va="bottom", fontweight="bold")
@@ -113,7 +113,7 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
     draw_critical(ax, disk if fresh else None)
     ax.plot(curve.real, curve.imag, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
-    half = float(np.clip(ROOM * np.percentile(np.abs(curve), 90), NARROW, WIDE))
+    half = float(np.clip(MARGIN * np.percentile(np.abs(curve), 90), NARROW, WIDE))
     half = half if fresh else max(half, ax.get_xlim()[1])
     _arrows(ax, curve, half, look["color"])
     if disk is not None and fresh:
@@ -127,15 +127,15 @@ def _smooth(curve: Array) -> Array:
     """Return a smooth curve through points that are less than 30 degrees apart."""
     from scipy.interpolate import CubicSpline  # long to import
 
-    apart = np.abs(np.diff(curve))
-    kept = np.append(True, apart > SUMMED * np.abs(curve).max())
+    steps = np.abs(np.diff(curve))
+    distinct = np.append(True, steps > SUMMED * np.abs(curve).max())
     along = np.cumsum(
-        np.append(0.0, np.sqrt(np.abs(np.diff(curve[kept]))))
+        np.append(0.0, np.sqrt(np.abs(np.diff(curve[distinct]))))
     )  # Square roots of the lengths avoid loops next to long steps.
     if len(along) < 3:
         return curve
     t = np.interp(np.arange(_BETWEEN * (len(along) - 1) + 1) / _BETWEEN, np.arange(len(along)), along)
-    return CubicSpline(along, curve[kept])(t)
+    return CubicSpline(along, curve[distinct])(t)
 
 
 def _arrows(ax: Any, curve: Array, half: float, color: Any) -> None:
@@ -144,8 +144,8 @@ def _arrows(ax: Any, curve: Array, half: float, color: Any) -> None:
     if len(inside) < 3:
         return
     along = np.cumsum(np.abs(np.diff(curve))[inside])
-    for share in (0.3, 0.7):  # Fractions of the visible length.
-        k = int(inside[np.searchsorted(along, share * along[-1])])
+    for fraction in (0.3, 0.7):  # Fractions of the visible length.
+        k = int(inside[np.searchsorted(along, fraction * along[-1])])
         step = curve[k + 1] - curve[k]
         if step == 0.0:
             continue
@@ -273,11 +273,13 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
                 curve.plot(axes[0], **look)
         return axes
     there = {name: list(part[0]) if what == "time" else [x.signal for x in part.loops] for name, part in drawn.items()}
-    common = [name for name in next(iter(there.values())) if all(name in given for given in there.values())]
+    common = [name for name in next(iter(there.values())) if all(name in available for available in there.values())]
     if what == "time":  # what is the same for all, such as a disturbance, is no comparison
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
-        apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])]
-        common = common if len(signals) or not apart else apart
+        differing = [
+            name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])
+        ]
+        common = common if len(signals) or not differing else differing
     chosen = common[: len(COLORS)] if not len(signals) else list(names("signal", signals, common))
     if not chosen:
         raise ValueError("signals: all of them have none in common")
@@ -300,7 +302,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
                 words = f"{look['label']}: disk {loop.disk_margin.alpha:.3g}"
                 item.plot(L.real, L.imag, **(look | {"label": words}))
                 gains = [1.0 / g for g in loop.gain_margin if 0.0 < g < np.inf]
-                half = float(np.clip(ROOM * max(gains, default=1.0), half, WIDE))
+                half = float(np.clip(MARGIN * max(gains, default=1.0), half, WIDE))
             item.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
             legend(item, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
     return axes
@@ -346,11 +348,11 @@ def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
     matplotlib Axes
     """
     with panels(ax, ("damping",), (6.0, 3.8)) as (axes,):
-        seen = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
-        missing = len(result.rows) - len(seen)
+        shown = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
+        missing = len(result.rows) - len(shown)
         said = f"modes ({missing} without damping not shown)" if missing else "modes"
         look = line_look(style, color=COLORS[0], marker="o", markersize=4, linestyle="none", label=said)
-        axes.loglog([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping_ratio for row in seen], **look)
+        axes.loglog([row.omega / (2.0 * np.pi) for row in shown], [100.0 * row.damping_ratio for row in shown], **look)
         axes.set(xlabel="natural frequency [Hz]", ylabel="damping [%]")
         few_labels(axes)
         axes.legend()

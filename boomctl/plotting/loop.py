@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from boomctl.simulation.result import LoopResult
 
 # outputs by how their names end, and the panel that they have to themselves: one with the others would show only some
-_APART = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
+_SEPARATE_PANELS = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
 _ABOVE = 1.6  # Upper limit of the axis for requested controls, relative to the largest control.
 
 
@@ -66,10 +66,12 @@ def _draw_groups(result: Any, groups: list[tuple[str, str, dict[str, Any]]], ax:
     return axes
 
 
-def _chosen(there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()) -> dict[str, Any]:
+def _chosen(
+    there: dict[str, Any], requested: str | Sequence[str] | None, without: Iterable[str] = ()
+) -> dict[str, Any]:
     """Return the outputs to draw: the requested ones, or the first."""
-    if asked is not None:
-        return {name: there[name] for name in names("output", asked, tuple(there))}
+    if requested is not None:
+        return {name: there[name] for name in names("output", requested, tuple(there))}
     return {name: there[name] for name in [name for name in there if name not in without][: len(COLORS)]}
 
 
@@ -78,8 +80,10 @@ def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> lis
     result: dict[str, dict[str, Any]] = {}
     for name, values in signals.items():
         whole = name.removesuffix("_sym").removesuffix("_anti")
-        apart = next((panel for end, panel in _APART.items() if kind == "outputs" and whole.endswith(end)), kind)
-        result.setdefault(labeled(apart, units.get(name, "")), {})[name] = values
+        group = next(
+            (panel for end, panel in _SEPARATE_PANELS.items() if kind == "outputs" and whole.endswith(end)), kind
+        )
+        result.setdefault(labeled(group, units.get(name, "")), {})[name] = values
     return [(kind, label, item) for label, item in result.items()]
 
 

@@ -50,16 +50,16 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
     scale, label = frequency_axis(ax, frequency_unit, result.frequency_unit), look.pop("label", None)
     if not result.stable:
         look["linestyle"], label = ":", f"{label} (unstable)" if label else label
-    seen = result.omega > 0.0  # there is no zero on a logarithmic axis
-    draw = ax.loglog if (result.sigma[:, seen] > 0.0).any() or ax.has_data() else ax.semilogx
+    positive = result.omega > 0.0  # there is no zero on a logarithmic axis
+    draw = ax.loglog if (result.sigma[:, positive] > 0.0).any() or ax.has_data() else ax.semilogx
     for k, line in enumerate(result.sigma):
-        (drawn,) = draw(result.omega[seen] / scale, line[seen], label=label if k == 0 else None, **look)
+        (drawn,) = draw(result.omega[positive] / scale, line[positive], label=label if k == 0 else None, **look)
         look["color"] = drawn.get_color()
     color = look.get("color")
     if not result.stable:
         said = f"{label or 'unstable'}: no response to sines, which would grow"
-        place = 1.02 + 0.06 * len(ax.texts)  # In axes units: right of the curves, above the notes of other systems.
-        ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
+        height = 1.02 + 0.06 * len(ax.texts)  # In axes units: right of the curves, above the notes of other systems.
+        ax.text(0.5, height, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
     if result.verified and np.isfinite(result.peak) and result.peak_omega > 0.0:
         said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK
         x, y = result.peak_omega / scale, result.peak
@@ -71,7 +71,7 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
 
 def _legend(ax: Any) -> None:
     """Draw the legend, what the circles are last."""
-    result = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda each: each[1] == _PEAK)
+    result = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] == _PEAK)
     if result:
         ax.legend(*zip(*result, strict=True))
 
@@ -118,8 +118,8 @@ def plot_measured(
         scale = frequency_axis(axes, frequency_unit)
         for label, line in zip(curve.labels, curve.magnitude, strict=True):
             look = line_look(style, label=label, color="#444444", linestyle="none", marker=".", markersize=4)
-            seen = (curve.frequency_hz > 0.0) & (line > 0.0) if fresh else slice(None)
-            axes.plot(2.0 * np.pi * curve.frequency_hz[seen] / scale, line[seen], **look)
+            shown = (curve.frequency_hz > 0.0) & (line > 0.0) if fresh else slice(None)
+            axes.plot(2.0 * np.pi * curve.frequency_hz[shown] / scale, line[shown], **look)
         if fresh:
             axes.set(xscale="log", yscale="log", ylabel="measured magnitude")
             few_labels(axes)

@@ -227,12 +227,12 @@ def _vibration_ticks(ax: Any) -> None:
 
 def _separated(values: list[float]) -> Array:
     """Abscissae of markers: equal ones are moved a little aside."""
-    places = np.array(values)
-    step = 0.025 * max(float(np.ptp(places)), 1e-9)
-    order = np.argsort(places, kind="stable")
+    positions = np.array(values)
+    step = 0.025 * max(float(np.ptp(positions)), 1e-9)
+    order = np.argsort(positions, kind="stable")
     for before, k in pairwise(order):
-        places[k] = max(places[k], places[before] + step)
-    return places
+        positions[k] = max(positions[k], positions[before] + step)
+    return positions
 
 
 def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
@@ -273,8 +273,8 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
         axes[1].legend(loc="upper right", ncols=2)
         axes[2].set_xlabel("time [s]")
         left = np.maximum(np.sort(study.residual_vibration), _NOTHING)
-        share = np.arange(1, left.size + 1) / left.size
-        axes[3].semilogx(np.append(left[0], left), np.append(0.0, share), **line_look(style, drawstyle="steps-post"))
+        fraction = np.arange(1, left.size + 1) / left.size
+        axes[3].semilogx(np.append(left[0], left), np.append(0.0, fraction), **line_look(style, drawstyle="steps-post"))
         axes[3].set_ylim(0.0, 1.02)
         axes[3].set_ylabel("share of runs")
         axes[3].set_xlabel("vibration left, at most [m]")

@@ -69,12 +69,12 @@ def plot_deposit(
 
 def _figures(result: SprayResult) -> str:
     return (
-        f"CV {100 * result.cv:.1f} %, {_share(result.share_outside_10)} outside ±10 %,"
-        f" {_share(result.share_outside_20)} outside ±20 %, doses {result.min_dose:.2f} to {result.max_dose:.2f}"
+        f"CV {100 * result.cv:.1f} %, {_percent(result.share_outside_10)} outside ±10 %,"
+        f" {_percent(result.share_outside_20)} outside ±20 %, doses {result.min_dose:.2f} to {result.max_dose:.2f}"
     )
 
 
-def _share(value: float) -> str:
+def _percent(value: float) -> str:
     return "none" if value == 0.0 else "< 0.1 %" if value < 0.001 else f"{100 * value:.1f} %"
 
 

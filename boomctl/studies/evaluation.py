@@ -71,14 +71,14 @@ class Finding:
     __repr__ = compact
 
 
-def words(found: Iterable[Finding]) -> dict[str, str]:
+def words(findings: Iterable[Finding]) -> dict[str, str]:
     """Return the texts of findings by their names."""
-    return {item.name: item.text for item in found if item.text}
+    return {item.name: item.text for item in findings if item.text}
 
 
-def numbers(found: Iterable[Finding]) -> dict[str, Any]:
+def numbers(findings: Iterable[Finding]) -> dict[str, Any]:
     """Return the values of findings by their keys."""
-    return {item.key: item.value for item in found if item.key}
+    return {item.key: item.value for item in findings if item.key}
 
 
 def table_of(rows: Iterable[Mapping[str, Any]], columns: Iterable[str], caption: str = "") -> Table:
@@ -91,9 +91,9 @@ def _cell(value: Any) -> str:
     return value if isinstance(value, str) else "\u2013" if value is None else number(value)
 
 
-def word_table(found: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
+def word_table(texts: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
     """Return texts by what they are about as a table."""
-    return Table(heads, tuple(found.items()), align="l")
+    return Table(heads, tuple(texts.items()), align="l")
 
 
 class Evaluation(ABC):
@@ -180,13 +180,13 @@ class Evaluation(ABC):
         design = self.design
         if design.controller is None or isinstance(design.controller, ScheduledController):
             return {}
-        made_by = {"design": design.name, "title": design.title, **design.synthesis_info}
-        given: dict[str, Any] = {"certificate": dict(certificate), "provenance": made_by}
+        provenance = {"design": design.name, "title": design.title, **design.synthesis_info}
+        metadata: dict[str, Any] = {"certificate": dict(certificate), "provenance": provenance}
         result = {}
         for suffix in (".json", ".mat"):
-            result |= controller_contents(design.controller, "controller", suffix, **given)
+            result |= controller_contents(design.controller, "controller", suffix, **metadata)
         if sample_time is not None:
-            given |= {"sample_time": sample_time, "control_limit": control_limit}
+            metadata |= {"sample_time": sample_time, "control_limit": control_limit}
             with suppress(ValueError):
-                result |= controller_contents(design.controller, "controller", ".c", **given)
+                result |= controller_contents(design.controller, "controller", ".c", **metadata)
         return result

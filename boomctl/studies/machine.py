@@ -212,8 +212,8 @@ class MachineResult(Evaluation):
         return self._controller_files({"verdict": self.verdict}, self.design.sample_time, self.design.control_limit)
 
 
-def _peak(found: SigmaResult) -> dict[str, Any]:
+def _peak(result: SigmaResult) -> dict[str, Any]:
     """Return a peak, None for what is not finite."""
-    peaks = {"peak": found.peak, "peak_omega": found.peak_omega}
+    peaks = {"peak": result.peak, "peak_omega": result.peak_omega}
     finite = {name: value if isfinite(value) else None for name, value in peaks.items()}
-    return {**finite, "verified": found.verified}
+    return {**finite, "verified": result.verified}

@@ -94,8 +94,8 @@ class SlewDesign(Design):
             What was found, as text and for a report.
         """
         problem, masses = self.slew.plan.problem, self.tip_masses
-        asked = self.beam, problem.angle, problem.limits.torque, self.slews, problem.final_speed
-        return SlewEvaluation(self, compare_slews(*asked, tip_masses=masses))
+        arguments = self.beam, problem.angle, problem.limits.torque, self.slews, problem.final_speed
+        return SlewEvaluation(self, compare_slews(*arguments, tip_masses=masses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +140,13 @@ class SlewEvaluation(Evaluation):
     def replays(self) -> tuple[Replay, ...]:
         """The slew on the planning model, with the other payloads, and on other models."""
         design, slew = self.design, self.design.slew
-        problem, swing = slew.plan.problem, self.comparison[design._label].residual_vibration
+        problem, vibration = slew.plan.problem, self.comparison[design._label].residual_vibration
         angle_error = 0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle
         speed_error = float(slew.hub_speed[-1]) - problem.final_speed
-        return (Replay(design.beam.model, None, angle_error, speed_error, swing, slew.residual_energy), *slew.replay())
+        return (
+            Replay(design.beam.model, None, angle_error, speed_error, vibration, slew.residual_energy),
+            *slew.replay(),
+        )
 
     @cached_property
     def following(self) -> dict[str, float] | None:

@@ -184,9 +184,9 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
     return {"jolt": symmetric, "yaw": antisymmetric}
 
 
-def margins_finding(found: Margins) -> Finding:
+def margins_finding(margins: Margins) -> Finding:
     """Return the margins of the first loop."""
-    loop = found.loops[0]
+    loop = margins.loops[0]
     upwards = f"gain from {loop.gain_margin[0]:.2g} times upwards"
     gains = (
         f"gain from {loop.gain_margin[0]:.2g} to {loop.gain_margin[1]:.3g} times"
@@ -197,7 +197,7 @@ def margins_finding(found: Margins) -> Finding:
     late = f"delay {1e3 * loop.delay_margin:.0f} ms" if loop.delay_margin < inf else "any delay"
     verified = "verified" if loop.disk_margin.verified else "NOT verified"
     text = f"{gains}, {phase}, {late}; disk margin {loop.disk_margin.alpha:.2f} ({verified})"
-    return Finding("margins at the actuator", text, found, loop.disk_margin.verified or None)
+    return Finding("margins at the actuator", text, margins, loop.disk_margin.verified or None)
 
 
 def _over_the_box(

@@ -140,7 +140,7 @@ def suspension_model(
         [m/s^2] and the nozzles.
     """
     p = BoomParameters() if parameters is None else parameters
-    places = nozzle_positions(p) if nozzles else None
-    model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=places)
+    positions = nozzle_positions(p) if nozzles else None
+    model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=positions)
     outputs = [name for name in model.output_labels if name != "cradle_slip"]
     return model.select(["actuator_left", "actuator_right", *CONTROLS], outputs)

@@ -91,9 +91,9 @@ def _encoded(value: Any) -> Any:
     return value if type(value) in _PLAIN else [base64.b64encode(pickle.dumps(value)).decode("ascii")]
 
 
-def _decoded(found: Mapping[str, Any]) -> dict[str, Any]:
+def _decoded(cells: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        name: pickle.loads(base64.b64decode(*cell)) if isinstance(cell, list) else cell for name, cell in found.items()
+        name: pickle.loads(base64.b64decode(*cell)) if isinstance(cell, list) else cell for name, cell in cells.items()
     }
 
 

@@ -207,19 +207,19 @@ def _outcomes(
         ) from error
 
 
-def _outcome(function: Callable[..., Any], place: int, arguments: dict[str, Any], here: bool) -> tuple[int, Outcome]:
+def _outcome(function: Callable[..., Any], index: int, arguments: dict[str, Any], here: bool) -> tuple[int, Outcome]:
     """Return the outcome of a point; a worker computes it with one BLAS thread."""
-    begun = time.perf_counter()
+    start = time.perf_counter()
     try:
         with silent(), nullcontext() if here else one_blas_thread:
             value = function(**arguments)
         named = value if isinstance(value, Mapping) else {"value": value}
         columns = {instance("a name that the function returned", name, str): _plain(x) for name, x in named.items()}
-        return place, Outcome(columns, time.perf_counter() - begun)
+        return index, Outcome(columns, time.perf_counter() - start)
     except (Exception, SystemExit) as error:  # a function that calls sys.exit fails at one point
         text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
         trace = "".join(traceback.format_exception(type(error), error, error.__traceback__, limit=-_TRACE_CALLS))
-        return place, Outcome(None, time.perf_counter() - begun, text, trace)
+        return index, Outcome(None, time.perf_counter() - start, text, trace)
 
 
 def _report(failures: tuple[FailedPoint, ...], count: int) -> None:

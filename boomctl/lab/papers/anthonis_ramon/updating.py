@@ -142,8 +142,8 @@ def _findings(study: BoomUpdating) -> tuple[str, str]:
     )
 
 
-def _holds(found: FitResult, name: str, value: float) -> bool:
-    low, high = found.intervals[name]
+def _holds(result: FitResult, name: str, value: float) -> bool:
+    low, high = result.intervals[name]
     return low <= value <= high
 
 
@@ -168,13 +168,13 @@ def _table(study: BoomUpdating) -> Table:
 def _results(study: BoomUpdating) -> dict[str, object]:
     """Return the study's numbers for ``results.json``."""
 
-    def numbers(found: FitResult) -> dict[str, object]:
+    def numbers(fit: FitResult) -> dict[str, object]:
         return {
-            "values": found.values,
-            "intervals": found.intervals,
-            "fitted_hz": found.best_fit,
-            "deviation": found.error_std,
-            "certified": found.success,
+            "values": fit.values,
+            "intervals": fit.intervals,
+            "fitted_hz": fit.best_fit,
+            "deviation": fit.error_std,
+            "certified": fit.success,
         }
 
     return {
