@@ -32,11 +32,11 @@ COLORS: tuple[str, ...] = tuple(_LOOK["axes.prop_cycle"].by_key()["color"])
 UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
 """Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
 
-IN_A_ROW = 3  # panels of one kind (a choice)
+IN_A_ROW = 3  # panels in a row
 _DECADES, _FRACTION = (
     0.9,
     0.4,
-)  # of a span: below the first some minor ticks are labeled, below the second all (a choice)
+)  # decades below which some minor ticks are labeled, and below which all are
 _SETTINGS = RLock()  # matplotlib's settings belong to the whole process: one thread at a time may change them
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.tuning.result import TuneResult
 
-_SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)
+_SHOWN = 8  # loops drawn at most: those with the highest peaks
 
 
 def plot_reduction(

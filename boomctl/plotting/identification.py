@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from boomctl.identification.response import FrequencyResponseEstimate
     from boomctl.identification.result import FitResult
 
-_TOGETHER = "0.15"  # nearly black, of what is fitted to several data sets, each of which has a color (a choice)
-_BEFORE = "0.6"  # grey of what the start gave (a choice)
+_TOGETHER = "0.15"  # color of a fit to several data sets, each of which has another color
+_BEFORE = "0.6"  # color of the initial model
 _NORMAL = 1.96  # deviations to either side of a curve that hold 95 % of normal errors
-_SHADE = 0.25  # opacity of an interval (a choice)
+_SHADE = 0.25  # opacity of an interval
 
 
 def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from boomctl.analysis.modes import ModeTable
     from boomctl.analysis.nyquist import NyquistStability
 
-_STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colors have been through
-_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # of ticks of an angle: 45, 90 and 180 degrees among them
-_DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # ratios that a line is drawn for (a choice)
-_BETWEEN = 6  # places that are drawn from one that was computed to the next (a choice)
-_LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
+_STYLES = ("-", "--", ":", "-.")  # line styles, changed after each cycle of the colors
+_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # tick spacings of angles, which include 45, 90 and 180 degrees
+_DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # damping ratios with a line
+_BETWEEN = 6  # interpolated points per computed point of a curve
+_LINES = 4  # lines of equal damping at most: labels of more would overlap
 
 
 def _looks(style: dict[str, Any], curves: Iterable[str], named: bool = False, **default: Any) -> list[dict[str, Any]]:
@@ -124,7 +124,7 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
 
 
 def _smooth(curve: Array) -> Array:
-    """Return a smooth curve through points that are less than 30 degrees apart."""
+    """Return a smooth curve through points at less than 30 degrees distance."""
     from scipy.interpolate import CubicSpline  # long to import
 
     steps = np.abs(np.diff(curve))

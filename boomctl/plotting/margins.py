@@ -10,10 +10,10 @@ from boomctl.plotting.canvas import COLORS, in_rows, legend, line_look, panels
 if TYPE_CHECKING:
     from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins
 
-# half of the side of the square that is shown, at least (the unit circle and the critical point) and at most (choices)
+# smallest (unit circle and critical point) and largest half-width of the plotted square
 NARROW, WIDE = 1.7, 4.0
-MARGIN = 1.15  # of the square beyond the farthest margin (a choice)
-_FLAT = 1e3  # gain of a disk margin from which the disk is a half plane to the eye (a choice)
+MARGIN = 1.15  # half-width of the plotted square over the distance of the farthest margin
+_FLAT = 1e3  # gain of a disk margin above which the disk is drawn as a half-plane
 SHADE = "#f3d9c9"
 
 
@@ -99,7 +99,7 @@ def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
 
 
 def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, list[complex], str, str]]:
-    """Return the margins in words, and where on the curve they are."""
+    """Return the margins as text, and their points on the curve."""
 
     def points(at: float) -> list[complex]:
         return [complex(curve[np.argmin(np.abs(omega - at))])] if np.isfinite(at) else []

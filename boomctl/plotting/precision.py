@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from boomctl.plotting.canvas import COLORS, divided, few_labels, panels
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # Markers of the methods of one color.
-_FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
-_USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
+_FLOOR = 1e-17  # ordinate of a zero error: below double precision
+_USELESS = 10.0  # relative error above which a result is not drawn
 _CALLS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
 
 
@@ -63,7 +63,7 @@ def _coordinates(points: Iterable[Any], calls: str) -> list[tuple[float, float]]
 
 
 def _draw_front(ax: Any, coordinates: list[tuple[float, float]]) -> None:
-    """Draw the front as steps behind everything: what is to be had at each error."""
+    """Draw the front as steps behind the curves: the least run time over error."""
     if not coordinates:
         return
     errors, seconds = zip(*sorted(coordinates), strict=True)

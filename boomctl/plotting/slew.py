@@ -27,10 +27,10 @@ from boomctl.plotting.canvas import (
 from boomctl.plotting.rotating_beam import mark_large
 
 _SHAPES = "osDPXph*d<>"
-_BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: the middle run, the middle half, nine of ten (a choice)
-_NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
+_BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: median, quartiles, and the central 90 %
+_NEAR = 0.7  # fraction of a limit above which the limit is drawn
 _NOTHING = 1e-4  # Vibration that is drawn as zero [m].
-_AROUND = 0.01  # share of the time that is left free at both ends, where a torque begins and ends upright (a choice)
+_AROUND = 0.01  # margin of the time axis on both sides, as a fraction, so that vertical steps are visible
 
 
 def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
@@ -226,7 +226,7 @@ def _vibration_ticks(ax: Any) -> None:
 
 
 def _separated(values: list[float]) -> Array:
-    """Abscissae of markers: equal ones are moved a little aside."""
+    """Return abscissae of markers, with equal ones separated."""
     positions = np.array(values)
     step = 0.025 * max(float(np.ptp(positions)), 1e-9)
     order = np.argsort(positions, kind="stable")
@@ -236,7 +236,7 @@ def _separated(values: list[float]) -> Array:
 
 
 def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
-    """Draw the runs of a tracked slew: hub angle less the plan, tip, torque, and how much vibration is left how often.
+    """Draw the runs of a tracked slew: hub angle less the plan, tip, torque, and distribution of the residual vibration.
 
     Parameters
     ----------
@@ -338,7 +338,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
 def animate_slew(
     h: Any, motions: Mapping[str, Any], *, title: str = "", until: float | None = None, time_step: float = 0.05
 ) -> FuncAnimation:
-    """Animate motions of a hub-beam, seen from above, in real time.
+    """Animate motions of a hub-beam in real time, in top view.
 
     Parameters
     ----------
@@ -400,13 +400,13 @@ def animate_slew(
 
 
 def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
-    """Draw a train's impulses over time, and the vibration that it leaves over its frequency.
+    """Draw the impulses of a shaper over time, and its residual vibration over frequency.
 
     Parameters
     ----------
     result : Shaper
     ax : sequence of two matplotlib Axes, or a figure, optional
-        Impulses and vibration left; by default a new figure of pyplot.
+        Axes of impulses and residual vibration. If None, a new figure is created.
     **style
         Of the curves, as matplotlib's lines take it.
 

@@ -25,7 +25,7 @@ _OF_MODE = (
     "damping_ratio_interval",
     "energy_fraction",
 )  # in results.json
-_EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits that files keep (a choice)
+_EVEN = 1e-3  # largest relative deviation of sample times from an even grid: rounding in files
 
 
 def _report(path: Path, result: IdentificationResult, response: FrequencyResponseEstimate | None) -> Report:
@@ -124,7 +124,7 @@ def _columns(path: Path) -> Mapping[str, Array] | None:
 
 
 def _step(path: Path, times: Array | None, sample_time: float | None) -> float:
-    """Return the time between samples, as said or as the column of times has it."""
+    """Return the sample time, from the argument or the column of times."""
     if (times is None) == (sample_time is None):
         raise ValueError(f"{path}: expected a column named 'time' [s], or --sample-time, and not both")
     if times is None:

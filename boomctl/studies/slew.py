@@ -18,9 +18,9 @@ from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.evaluation import Design, Evaluation, table_of
 from boomctl.threads import one_blas_thread
 
-_MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
-_AFTER = 2.0  # how long the film goes on after the end [s] (a choice)
-_RTOL, _ATOL = 1e-7, 1e-9  # of motions in which errors of millimeters are looked for (a choice)
+_MORE = 0.1  # excess of the simulated tip mass over the largest planned one, in the tracking test [kg]
+_AFTER = 2.0  # duration of the animation after the end of the slew [s]
+_RTOL, _ATOL = 1e-7, 1e-9  # solver tolerances of motions, for errors far below 1 mm
 _OF_SLEW = (
     "objective", "duration", "cost", "terminal_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",

@@ -5,7 +5,7 @@ from math import inf, isfinite
 from typing import Literal
 
 Calls = Literal["cold", "hot"]
-_ALIKE = 1e-6  # relative difference of errors below which two programs on one mesh differ by rounding (measured: 1e-9)
+_ALIKE = 1e-6  # relative difference of errors below which two programs on one mesh differ by rounding error
 
 
 @dataclass(frozen=True)

@@ -34,8 +34,8 @@ from boomctl.synthesis.plants.symmetry import split_controller
 
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
-_HIGH = 0.9  # share of the verified peak above which the exact boom is looked at where the mesh was (a choice)
-_MIXED = 1e-6  # share of a controller between the halves that passes for rounding
+_HIGH = 0.9  # fraction of the peak above which frequencies of the mesh are added for the exact boom
+_MIXED = 1e-6  # coupling between the subsystems, relative to the controller, that counts as rounding error
 _EXACT_ELEMENTS, _EXACT_POLES = 40, 60  # of a mesh, those nearest to zero: around them the exact boom's steps are small
 _FINE = 60  # elements of the finer mesh: frequencies below half the sampling rate as those of the exact beam to 1e-5
 _SIDES = {"jolt": "sym", "yaw": "anti"}

@@ -19,7 +19,7 @@ SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the pap
 MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _MAY_BE_ZERO = ("warmup_time", "delay", "stroke_resolution", "acceleration_resolution")
-_SPARE = 1.0  # length of track beyond the place where the front wheels end [m] (a choice)
+_SPARE = 1.0  # track length beyond the final position of the front wheels [m]
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ _ERRORS, _OUTPUTS = 0.03, 28  # of each output's RMS; accelerometers
 
 @cache
 def frame_record(outputs: int) -> tuple[Array, Array, Array]:
-    """Return inputs of two shakers, accelerations with errors, and the poles in the band [rad/s]; two are 1 % apart."""
+    """Return inputs of two shakers, accelerations with errors, and the poles in the band [rad/s]; two differ by 1 %."""
     rng = np.random.default_rng(0)
     hz = np.r_[np.sort(rng.uniform(20.0, 470.0, _MODES)), _ABOVE]
     hz[5] = 1.01 * hz[4]

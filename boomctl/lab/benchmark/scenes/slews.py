@@ -27,7 +27,7 @@ _SAME = 1e-11  # Rounding error of the references, below which errors count as e
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 _PHASE = 1.0  # rad: of the highest mode in a step of the replay; order 16 leaves 1e-15 of that
-_SUBSTEPS = 4  # of RK4 an interval: 1e-7 of the effort with 200 intervals and three modes (measured)
+_SUBSTEPS = 4  # RK4 steps per interval: error of 1e-7 of the effort with 200 intervals and three modes
 _ARCS = 20  # steps an arc of a bang-bang torque: each well below a radian of the highest mode
 _CLOSED = 1e-11  # of the end of a bang-bang slew: rounding
 

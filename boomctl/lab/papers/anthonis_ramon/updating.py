@@ -30,8 +30,8 @@ READINGS = (
 """What is freed, one reading a line."""
 
 _ELEMENTS = 20  # finite ones: its frequencies are then those of the exact beam to 2e-4, at a tenth of the price
-STARTS = 2  # of each fit (a choice)
-_STEP = 1e-4  # of the logarithm of a parameter, for the slope of the first frequency: nine digits over four (a choice)
+STARTS = 2  # starts of each fit
+_STEP = 1e-4  # finite-difference step of log(parameter) for the derivative of the first frequency
 _ABOUT = (
     "No parameter of Table 2 was changed for the rest of this report. Here parameters are fitted to the measured row, to see"
     " what it says of them: 20 finite elements, whose frequencies are the exact ones to 0.02 %; errors of one relative size,"

@@ -29,7 +29,7 @@ _DRAWN = {
     "Table 2, Fig. 9": (frequencies.table_2, frequencies.critical_speeds),
 }
 """Parts of the paper that share runs of the beam; the longest first."""
-_MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # the longest first (measured)
+_MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # in order of run time, the longest first
 
 _CURVE_POINTS = 301  # of a curve in results.json: enough to draw it again, and a file of one megabyte
 _SHADES = {MET: "#d8efe2", CORRECTED: "#fff2cc", NOT_REPRODUCIBLE: "#f8d7da"}
