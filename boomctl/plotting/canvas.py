@@ -1,6 +1,6 @@
 """Axes and figures to draw on, and their style: axes of the user, figures of pyplot, or plain figures of a report.
 
-Every function ``plot_*`` takes ``ax`` and hands it to :func:`panels`; nothing else in the package knows pyplot.
+Every function ``plot_*`` passes ``ax`` to :func:`panels`, the only function in the package that uses pyplot.
 """
 
 import io
@@ -30,7 +30,7 @@ _LOOK = mpl.rc_params_from_file(Path(__file__).with_name("look.mplstyle"), use_d
 COLORS: tuple[str, ...] = tuple(_LOOK["axes.prop_cycle"].by_key()["color"])
 
 UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
-"""Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
+"""Units of a frequency axis, with the value of each in rad/s."""
 
 IN_A_ROW = 3  # panels in a row
 _DECADES, _FRACTION = (
@@ -46,9 +46,9 @@ if hasattr(os, "register_at_fork"):  # a process that is forked off must not wai
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the project's look; the caller's settings come back afterwards, also where several threads draw.
+    """Draw with the package's style; the caller's settings are restored afterwards, also with several threads.
 
-    ``plt.style.use("boomctl.plotting.look")`` gives the look to all pictures of a script.
+    ``plt.style.use("boomctl.plotting.look")`` applies the style to all plots of a script.
     """
     with _SETTINGS, mpl.rc_context(_LOOK):
         yield
@@ -58,29 +58,29 @@ _OF_OTHERS: dict[str, str] = dict.fromkeys(
     ("dB", "deg", "Hz", "omega_limits", "display_margins"),
     "; bode(...).response.plot(...) is python-control's picture and takes it",
 )
-"""What users of python-control say to its pictures, and what draws those."""
+"""Plot options of python-control, and the plot that accepts them."""
 
 
 def new_figure(width: float = 7.0, height: float = 4.2) -> Figure:
-    """Return an empty figure of ``width`` by ``height`` inches that belongs to no window."""
+    """Return an empty figure of ``width`` by ``height`` inches without a window."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 class Sheet(Figure):
-    """A figure that belongs to no window, and takes the size of the picture that is drawn on it."""
+    """Figure without a window that takes the size of its plot."""
 
 
 def figure_of(plot: Callable[..., Any], *arguments: Any, **options: Any) -> Figure:
-    """Return a picture as a figure that belongs to no window: pyplot is not imported, and has nothing to close.
+    """Return a plot as a figure without a window; pyplot is not used.
 
-    For reports and servers, which draw many pictures, in threads and processes.
+    For reports and servers that draw many plots in threads and processes.
 
     Parameters
     ----------
     plot : callable
         A function ``plot_*`` or a result's method ``plot``.
-    *given, **options
-        Its arguments, all but ``ax``.
+    *arguments, **options
+        Its arguments, except ``ax``.
 
     Examples
     --------
@@ -94,23 +94,23 @@ def figure_of(plot: Callable[..., Any], *arguments: Any, **options: Any) -> Figu
 
 
 Divide = Callable[[FigureBase], Iterable[Axes]]
-"""Divides a figure into the axes of a picture."""
+"""Function that divides a figure into the axes of a plot."""
 
 
 @contextmanager
 def panels(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divide | None = None) -> Iterator[Array]:
-    """Give the axes of a picture, to be drawn on with the project's look.
+    """Provide the axes of a plot, with the package's style.
 
     Parameters
     ----------
     ax : None, Axes, sequence of Axes, Figure or SubFigure
-        None makes a figure that pyplot knows; a figure is divided; axes are drawn on as they are.
+        If None, a new pyplot figure is created; a figure is divided; axes are used unchanged.
     names : sequence of str
-        What each of the axes shows; so many are needed.
+        Quantities of the axes; their number is the number of axes.
     size : (float, float)
-        Of a new figure [in].
+        Size of a new figure [in].
     divide : callable, optional
-        Divides a figure into the axes; by default one below the other, with one abscissa.
+        Divides a figure into the axes; by default stacked, with a common abscissa.
 
     Yields
     ------
@@ -119,13 +119,13 @@ def panels(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Div
     Raises
     ------
     TypeError, ValueError
-        ``ax`` is something else, or not as many axes as the picture has.
+        If ``ax`` has another type or number of axes.
     """
     if ax is not None:
         with style():
             yield _axes(ax, names, size, divide)
         return
-    import matplotlib.pyplot as plt  # the only place: reports must not have figures that pyplot keeps
+    import matplotlib.pyplot as plt  # imported here only: pyplot retains its figures, which reports must not
 
     # before the look, whose end takes settings back: a notebook's backend sets some when it meets its first figure
     figure = plt.figure(figsize=size, layout="constrained")
@@ -158,7 +158,7 @@ def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divi
 def line_look(style: Mapping[str, Any], **default: Any) -> dict[str, Any]:
     """Return line properties: the defaults, updated by properties of matplotlib in long or short form.
 
-    A given label is prefixed to the default label: "LQG: tip_left".
+    A label is prefixed to the default label: "LQG: tip_left".
 
     Raises
     ------
@@ -192,12 +192,12 @@ def in_rows(count: int) -> tuple[int, int, Divide]:
 
 
 def divided(rows: int, columns: int, **options: Any) -> Divide:
-    """Return what divides a figure into axes in rows and columns, as matplotlib's ``subplots`` takes them."""
+    """Return a function that divides a figure into rows and columns of axes, with options of ``subplots``."""
     return lambda figure: np.ravel(figure.subplots(rows, columns, **options))
 
 
 def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
-    """Finish panels one below the other over time, of which a share is left free at both ends, each with its label."""
+    """Label stacked panels over time, with a margin at both ends as a fraction of the duration."""
     for item, label in zip(axes, labels, strict=True):
         item.set(ylabel=label, xmargin=margin)
     axes[-1].set_xlabel("time [s]")
@@ -238,9 +238,9 @@ def reserves_space(ax: Any) -> bool:
 
 
 def common_legend(ax: Any, axes: Any, location: str = "lower center", **options: Any) -> None:
-    """Draw the legend of one of the axes: below the whole picture if it has a figure to itself, otherwise within them.
+    """Draw the legend of one of the axes: below the plot if it has a separate figure, otherwise inside.
 
-    ``ax`` is what the user gave.
+    ``ax`` is the argument of the user.
     """
     if ax is None or isinstance(ax, FigureBase):
         axes.figure.legend(*axes.get_legend_handles_labels(), loc=f"outside {location}", **options)
@@ -249,19 +249,19 @@ def common_legend(ax: Any, axes: Any, location: str = "lower center", **options:
 
 
 def frequency_axis(ax: Any, frequency_unit: str | None = None, natural: str = "Hz") -> float:
-    """Label an axis of frequencies, and return what angular frequencies [rad/s] are divided by on it.
+    """Label a frequency axis, and return its unit in rad/s.
 
     Parameters
     ----------
     ax : Axes
     frequency_unit : {"Hz", "rad/s"}, optional
-        By default that of the curves that are there already, also python-control's; otherwise ``natural``.
+        If None, the unit of existing curves, also from python-control; otherwise ``natural``.
     natural : str
 
     Raises
     ------
     ValueError
-        Another unit, or another one than that of the curves that are there.
+        If the unit is unknown, or differs from that of existing curves.
     """
     if frequency_unit is not None and frequency_unit not in UNITS:
         raise ValueError(f"frequency_unit = {shown(frequency_unit)}: expected 'Hz' or 'rad/s'")
@@ -280,16 +280,16 @@ def frequency_axis(ax: Any, frequency_unit: str | None = None, natural: str = "H
 
 
 def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:
-    """Return a figure as a picture of a report, with a file of each kind, by default SVG and PNG; the first is shown."""
+    """Return a figure of a report, with a file of each kind, by default SVG and PNG; the first is shown."""
     files = {}
     for kind in kinds or ("svg", "png"):
         files[kind] = figure_bytes(figure, kind)
-        figure.set_layout_engine("none")  # places are found now, and take as long as drawing
+        figure.set_layout_engine("none")  # the layout is known now and is as slow as drawing
     return Picture(name, caption, files)
 
 
 def film(name: str, animation: Any, caption: str) -> Picture:
-    """Return a picture of a report that moves, of an animation of matplotlib: a GIF."""
+    """Return an animation of matplotlib as a GIF of a report."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "film.gif"
         animation.save(path, "pillow", dpi=80)

@@ -1,4 +1,4 @@
-"""Plots of fits: measured values and those of the model, before and after the fit."""
+"""Plots of fits: measured and computed values, before and after the fit."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -53,7 +53,7 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
 
 
 def _of_set(k: int) -> int:
-    """Return which color a data set has: not that of what is fitted, which is the second, where there are others."""
+    """Return the color index of a data set; index 1 is the color of the fit."""
     return 0 if k == 0 else 2 + (k - 1) % (len(COLORS) - 2)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
+"""Plots of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
 
 from collections.abc import Iterable
 from itertools import cycle
@@ -49,9 +49,9 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
     ----------
     result : BodeResult
     ax : sequence of two matplotlib Axes, or a figure, optional
-        Size and phase; by default a new figure of pyplot.
+        Axes of magnitude and phase. If None, a new figure is created.
     frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis, by default that of the curves that are there.
+        Unit of the frequency axis. If None, the unit of the existing axes.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -90,7 +90,7 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
     ----------
     result : NyquistResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the curve, as matplotlib's lines take it.
 
@@ -107,7 +107,7 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
 
 
 def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: str, style: dict[str, Any]) -> None:
-    """Draw a curve around -1, with its direction, what is said of it, and the critical disk."""
+    """Draw a curve around -1, with its direction, label and critical disk."""
     fresh = not ax.has_data()
     look = line_look(style, color=COLORS[0], marker="." if len(np.unique(curve)) == 1 else "none", label=said)
     draw_critical(ax, disk if fresh else None)
@@ -189,9 +189,9 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
     ----------
     result : PoleZeroResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the marks, as matplotlib's lines take it.
+        Line properties of the markers, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -221,7 +221,7 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
 
 
 def _top(result: "PoleZeroResult") -> float:
-    """Return the size up to which poles are shown: that of the slowest modes."""
+    """Return the largest modulus of the poles shown: that of the slowest modes."""
     size = np.sort(np.abs(result.poles))
     return float("inf") if result.dt or len(size) <= 2 * MODES else 1.05 * float(size[2 * MODES - 1])
 
@@ -233,7 +233,7 @@ def _damping_lines(ax: Any) -> None:
     reach = max(-left, 0.0)
     if reach == 0.0 or high <= 0.0:
         return
-    steep = reach / high  # of the diagonal of the picture, as a ratio of real to imaginary part
+    steep = reach / high  # ratio of real to imaginary part of the diagonal of the plot
     near = [
         z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep
     ]  # Lines that are distinguishable.
@@ -249,7 +249,7 @@ def _damping_lines(ax: Any) -> None:
 
 
 def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals: Any = (), **style: Any) -> Array:
-    """Draw several systems or results over each other, each in a color of its own.
+    """Draw several systems or results over each other, each in a separate color.
 
     Parameters
     ----------
@@ -257,9 +257,9 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     drawn : dict
         By name: signals by name and times; singular values; margins.
     ax : matplotlib Axes, sequence of them, or a figure, optional
-        One axes a signal or loop, one for singular values; by default a new figure of pyplot.
+        One axes per signal or loop, or one for singular values. If None, a new figure is created.
     signals : sequence of str
-        Which signals or loops; by default those that all have, six at most.
+        Signals or loops; by default the common ones, at most six.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -274,7 +274,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
         return axes
     there = {name: list(part[0]) if what == "time" else [x.signal for x in part.loops] for name, part in drawn.items()}
     common = [name for name in next(iter(there.values())) if all(name in available for available in there.values())]
-    if what == "time":  # what is the same for all, such as a disturbance, is no comparison
+    if what == "time":  # equal signals, such as disturbances, are omitted
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
         differing = [
             name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])
@@ -315,7 +315,7 @@ def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) ->
     ----------
     result : NyquistStability
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the curve, as matplotlib's lines take it.
 
@@ -333,15 +333,15 @@ def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) ->
 
 
 def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
-    """Draw the damping of each mode over its frequency, both logarithmic; what has no damping is said.
+    """Draw the damping of each mode over its frequency, both logarithmic; the legend counts modes without damping.
 
     Parameters
     ----------
     result : ModeTable
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the marks, as matplotlib's lines take it.
+        Line properties of the markers, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

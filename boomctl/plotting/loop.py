@@ -1,4 +1,4 @@
-"""Pictures over time: a simulated loop with its controls, stops and friction, and a forced response."""
+"""Plots over time: a simulated loop with its controls, stops and friction, and a forced response."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from boomctl.simulation.forced_response import ForcedResponse
     from boomctl.simulation.result import LoopResult
 
-# outputs by how their names end, and the panel that they have to themselves: one with the others would show only some
+# suffixes of outputs with a separate panel, since their scales differ from those of others
 _SEPARATE_PANELS = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
 _ABOVE = 1.6  # Upper limit of the axis for requested controls, relative to the largest control.
 
@@ -28,7 +28,7 @@ def plot_loop(
     result : LoopResult
     ax : sequence of matplotlib Axes, or a figure, optional
         One for the outputs of each unit, the strokes, the controls and the friction, those that there are; accelerations,
-        moments and strains are drawn separately if units are unknown.  By default a new figure of pyplot.
+        moments and strains are drawn separately if units are unknown.  Axes to draw on. If None, a new figure is created.
     outputs : str or sequence of str, optional
         By default the first six that are not strokes.
     **style
@@ -76,7 +76,7 @@ def _chosen(
 
 
 def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Any]]]:
-    """Return kind, label and signals of each panel: one for each unit, and for what differs in kind where that is unknown."""
+    """Return kind, label and signals of each panel: one for each unit, or for each kind of signal without a unit."""
     result: dict[str, dict[str, Any]] = {}
     for name, values in signals.items():
         whole = name.removesuffix("_sym").removesuffix("_anti")
@@ -109,13 +109,13 @@ def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[
 def plot_forced_response(
     result: "ForcedResponse", ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any
 ) -> Array:
-    """Draw what drives a plant, and its outputs, over time.
+    """Draw inputs and outputs of a plant over time.
 
     Parameters
     ----------
     result : ForcedResponse
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the inputs and for the outputs of each unit; by default a new figure of pyplot.
+        Axes for the inputs, and for the outputs of each unit. If None, a new figure is created.
     outputs : str or sequence of str, optional
         By default the first six.
     **style

@@ -50,7 +50,7 @@ def plot_loop_margin(result: "LoopMargin", ax: Any = None, **style: Any) -> Any:
     ----------
     result : LoopMargin
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the curve, as matplotlib's lines take it.
 

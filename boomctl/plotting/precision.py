@@ -1,4 +1,4 @@
-"""Pictures of run time against error: all methods drawn alike, the front of all marked."""
+"""Plots of run time against error: all methods, and their common front."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle

@@ -1,4 +1,4 @@
-"""Pictures of slews: one, several side by side, feedback, switching function, spin-ups, an animation."""
+"""Plots of slews: one, several side by side, feedback, switching function, spin-ups, an animation."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -83,7 +83,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     ----------
     history : TorqueProfile
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the curve, as matplotlib's lines take it.
 
@@ -242,7 +242,7 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
     ----------
     study : TrackingStudy
     ax : sequence of four matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the curves, as matplotlib's lines take it.
 
@@ -301,7 +301,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     ----------
     curve : SwitchingFunction
     ax : sequence of two matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the two curves, as matplotlib's lines take it.
 
@@ -343,15 +343,15 @@ def animate_slew(
     Parameters
     ----------
     h : hub-beam
-        What `hub_beam` returns, or a geometrically exact beam: it gives the shape of its states.
+        Result of `hub_beam`, or a geometrically exact beam, for the shape of its states.
     motions : mapping of str to SimulationResult
-        Motions by the name that the legend shows; ``h.simulate(slew, timepts)`` returns one.
+        Motions by name, as from ``h.simulate(slew, timepts)``.
     title : str
         Title, above the time.
     until : float, optional
-        End time [s]. If None, that of the first motion.
+        End time [s]. If None, the end of the first motion.
     time_step : float
-        Between frames [s].
+        Time between frames [s].
 
     Returns
     -------
@@ -387,7 +387,7 @@ def animate_slew(
         ax.legend(loc="lower left")
         caption = ax.set_title(" ")
         figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # places stay, and take longer to find than to draw
+        figure.set_layout_engine("none")  # the layout is constant and slower than drawing
 
     def draw(k: int) -> list[Any]:
         spoke.set_data([0.0, axis[k].real], [0.0, axis[k].imag])

@@ -1,4 +1,4 @@
-"""Pictures of excitation and spray: deposit on the field, motion over time, tracks."""
+"""Plots of excitation and spray: deposit on the field, motion over time, tracks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def plot_deposit(
     ----------
     result : SprayResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     label : str
         The title.
     length : float, optional
@@ -85,7 +85,7 @@ def plot_track(track: Track, ax: Any = None, **style: Any) -> Any:
     ----------
     track : Track
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -109,7 +109,7 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
     ----------
     motion : PlatformMotion
     ax : sequence of two matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Of the curves, as matplotlib's lines take it.
 

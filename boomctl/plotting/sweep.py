@@ -1,4 +1,4 @@
-"""Pictures of sweeps: all points over one parameter, a color and a line of medians for each value of another one."""
+"""Plots of sweeps: all points over one parameter, a color and a line of medians for each value of another one."""
 
 from typing import TYPE_CHECKING, Any
 

@@ -29,7 +29,7 @@ class Kind(NamedTuple):
     ----------
     n : int
         Number of states.
-    places : tuple of Places
+    layouts : tuple of Places
         Of the linear part and the input vector; for a machine also of the coordinate changes and the frequencies.
     equations : casadi.Function or None
         ``(x, torque, constants) -> (xdot, y)`` of a machine.

@@ -32,7 +32,7 @@ class MachineDesign(Design):
     Attributes
     ----------
     plant : SecondOrderModel, control.StateSpace or Family
-        The machine, signals named.  Of a family, peaks and margins are those of its center; stability is that over its box.
+        The machine, signals named.  For a family, peaks and margins are evaluated at its center, stability over its box.
     controller : control.StateSpace or ScheduledController
         ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.  A scheduled controller
         needs a family, one of whose parameters is its signal.
@@ -44,12 +44,12 @@ class MachineDesign(Design):
     control_limit : float, optional
         Largest value of each control, for C code.
     name, title, synthesis_info, notes, results, sections
-        As of every `Design`.
+        See `Design`.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; signals that do not meet.
+        If a system has the wrong type, or the signal names of plant and controller do not match.
 
     Examples
     --------
@@ -101,7 +101,7 @@ class MachineDesign(Design):
         Returns
         -------
         MachineResult
-            What was found, as text and for a report.
+            Results, as text and as a report.
 
         Raises
         ------
@@ -175,7 +175,7 @@ class MachineResult(Evaluation):
         return {**self.design.synthesis_info, **box}
 
     def __str__(self) -> str:
-        """Return what a terminal shows."""
+        """Return the evaluation as text."""
         return super().__str__() + (f"\n{self.margins}" if self.margins else "")
 
     def _results(self) -> dict[str, Any]:
@@ -213,7 +213,7 @@ class MachineResult(Evaluation):
 
 
 def _peak(result: SigmaResult) -> dict[str, Any]:
-    """Return a peak, None for what is not finite."""
+    """Return a peak; values that are not finite are None."""
     peaks = {"peak": result.peak, "peak_omega": result.peak_omega}
     finite = {name: value if isfinite(value) else None for name, value in peaks.items()}
     return {**finite, "verified": result.verified}

@@ -1,4 +1,4 @@
-"""Modes and a model from a file of measurements, with a report: what ``boomctl identify`` does."""
+"""Modes and a model from a file of measurements, with a report, for ``boomctl identify``."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -29,7 +29,7 @@ _EVEN = 1e-3  # largest relative deviation of sample times from an even grid: ro
 
 
 def _report(path: Path, result: IdentificationResult, response: FrequencyResponseEstimate | None) -> Report:
-    """Return modes with intervals, the fit of each output, pictures, and the model as a file; ``response``: of a record."""
+    """Return modes with intervals, the fit of each output, figures, and the model as a file; ``response``: of a record."""
     modes = Table(("frequency", "damping", "share of energy"), tuple(map(result._row, result.modes)), align="l")
     fits = {name: number(percent, 4) for name, percent in result.fit_percent.items()}
     drawn: dict[str, Any] = {

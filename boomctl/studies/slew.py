@@ -34,23 +34,23 @@ _REPLAYED = ("model", "tip_mass", "angle_error", "speed_error", "residual_vibrat
 
 @dataclass(frozen=True, eq=False)
 class SlewDesign(Design):
-    """A planned slew, and what it is to be compared with.
+    """Planned slew, and slews for comparison.
 
     Attributes
     ----------
     name, title, synthesis_info, notes, results, sections
-        As of every `Design`.
+        See `Design`.
     beam : AssumedModesBeam
-        What the slew was planned for.
+        Beam of the planned slew.
     slews : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be compared with it. All have the same angle, or
         spin up to the same speed, under the same torque limit. The evaluation adds classical ones.
     reference_slew : str
-        The slew that the animation compares with the designed one: planned or classical. "": that of a rigid body.
+        The slew that the animation compares with the designed one: planned or classical. "": the slew of a rigid body.
     tip_masses : tuple of float
-        Tip masses with which the planned slews are played [kg].
+        Tip masses for additional simulations of the planned slews [kg].
     followed : bool
-        Whether the slew is followed, with all states measured, by a beam with 0.1 kg more at the tip.
+        If True, the slew is tracked, with all states measured, by a beam with 0.1 kg more at the tip.
 
     Examples
     --------
@@ -91,7 +91,7 @@ class SlewDesign(Design):
         Returns
         -------
         SlewEvaluation
-            What was found, as text and for a report.
+            Results, as text and as a report.
         """
         problem, masses = self.slew.plan.problem, self.tip_masses
         arguments = self.beam, problem.angle, problem.limits.torque, self.slews, problem.final_speed
@@ -272,7 +272,7 @@ class SlewEvaluation(Evaluation):
 
 
 def _drawn(name: str, plot: Any, caption: str, **options: Any) -> Picture:
-    """Return a picture of curves of many points, which are shown as PNG."""
+    """Return a figure of curves with many points, which is shown as PNG."""
     return picture(name, figure_of(plot, **options), caption, "png")
 
 
@@ -283,7 +283,7 @@ def _scalars(record: Any) -> dict[str, Any]:
 
 
 def _length(value: float) -> str:
-    """Return a length [m] in words, with two digits."""
+    """Return a length [m] as text, with two digits."""
     if value < 1e-6:
         return "less than 1 µm"
     if value < 1e-3:

@@ -22,7 +22,7 @@ class Block(NamedTuple):
         return ca.blockcat([[self.A, self.B], [self.C, self.D]])
 
     def between(self, rows: list[int], columns: list[int], shape: tuple[int, int]) -> "Block":
-        """Return the block between some of more outputs and inputs; ``shape`` is that of the larger feedthrough."""
+        """Return the block embedded in more outputs and inputs; ``shape`` is the shape of the larger feedthrough."""
         outputs, inputs = ca.SX.eye(shape[0])[:, rows], ca.SX.eye(shape[1])[columns, :]
         return Block(self.A, self.B @ inputs, outputs @ self.C, outputs @ self.D @ inputs)
 
@@ -52,7 +52,7 @@ def series(last: Block, first: Block) -> Block:
 
 
 class Differentiated:
-    """A matrix of expressions of a vector of numbers, with its first and second derivatives."""
+    """Matrix of expressions of a parameter vector, with its first and second derivatives."""
 
     def __init__(self, x: ca.SX, matrix: ca.SX) -> None:
         entries, weights, self.shape = ca.vec(matrix.T), ca.SX.sym("weights", matrix.numel()), matrix.shape
@@ -66,11 +66,11 @@ class Differentiated:
         """Return the matrix."""
         if self._line is None:
             return self._value(x).full()
-        start, jacobian = self._line  # which need no call
+        start, jacobian = self._line  # constant: no function call
         return start + (x @ jacobian).reshape(start.shape)
 
     def jacobian(self, x: Array) -> Array:
-        """Return the derivatives of its entries, row by row, by each number: (k, entries)."""
+        """Return the derivatives of its entries, row by row, by every parameter: (k, entries)."""
         return self._jacobian(x).full() if self._line is None else self._line[1]
 
     def hessian(self, x: Array, weights: Array) -> Array:

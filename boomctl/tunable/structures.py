@@ -213,7 +213,7 @@ def _by_rows(values: ca.SX, rows: int, columns: int) -> ca.SX:
     return ca.reshape(values, columns, rows).T
 
 
-# name of the gains, rate that is one in their natural size, further free numbers, and the filter that these make
+# name of the gains, unit of their rate, further free parameters, and the filter with these parameters
 Term: TypeAlias = tuple[str, float, tuple[Free, ...], Callable[..., Realization]]
 
 

@@ -1,7 +1,7 @@
 """Robustness of a suspension: margins, proofs for uncertain springs and masses, the exact boom.
 
-A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
-between samples is in the field run, and ``boomctl.analysis.sampled_data_norm`` bounds it.
+A sampled loop is evaluated on a fine mesh, a continuous-time loop on the exact beam.  Intersample behavior is included in the
+field run; ``boomctl.analysis.sampled_data_norm`` bounds it.
 """
 
 import warnings
@@ -51,12 +51,12 @@ class Examined(InField):
     family: AffineFamily | None = None
 
     def assured(self) -> tuple[tuple[Finding, ...], SigmaResult | None, tuple[SigmaResult, ...]]:
-        """Return what is found of it, its singular values with the exact beam, and those of others of the uncertainty.
+        """Return the findings, the singular values with the exact beam, and those over the uncertainty.
 
         Raises
         ------
         ValueError
-            The controller mixes the halves of the machine: it cannot be examined half by half.
+            If the controller couples the symmetric and antisymmetric subsystems.
         """
         result, exact = [*self.over_the_box(), self.worst_deposit()], None
         if self.sampled:
@@ -78,7 +78,7 @@ class Examined(InField):
         return replace(self, p=scaled_boom(self.p, spring, mass)).model(FAMILY_ELEMENTS, nozzles)
 
     def over_the_box(self) -> Iterator[Finding]:
-        """Yield what is found of jolt and yaw over springs and masses, or of the whole boom of a family."""
+        """Yield the findings for jolt and yaw over springs and masses, or for the full boom of a family."""
         if self.family is not None:
             yield from _over_the_box(self.family, self.K, ACTUATORS, TIPS, 0.0)
             return
@@ -92,7 +92,7 @@ class Examined(InField):
             K, ends = controllers[half], ([f"actuator_{side}"], [f"tip_{side}"])
             result = [*_over_the_box(family, K, *ends, late)]
             if self.K is not None:
-                with warnings.catch_warnings():  # margins are reported: what they were without sampling is not
+                with warnings.catch_warnings():  # warnings on margins without sampling do not apply
                     warnings.simplefilter("ignore", MarginLossWarning)
                     result.insert(0, margins_finding(margins(plant, K, delay=late)))
             for item in result:
@@ -166,7 +166,7 @@ class Examined(InField):
         return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
 
     def corner_sigma(self) -> Iterator[SigmaResult]:
-        """Yield singular values at corners and middles of the edges; the nominal boom itself is left out."""
+        """Yield singular values at corners and middles of the edges; without the nominal boom."""
         below = np.pi / self.K.dt if self.K is not None and self.sampled else np.inf
         for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
             if (spring, mass) != (1.0, 1.0):
@@ -174,7 +174,7 @@ class Examined(InField):
 
 
 def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[str, control.StateSpace]:
-    """Return the controllers of jolt and yaw; without one of the boom, those that do nothing."""
+    """Return the controllers of jolt and yaw; zero controllers if there is none."""
     if K is None:
         ends = [{"inputs": [f"stroke_{side}"], "outputs": [f"suspension_{side}"]} for side in _SIDES.values()]
         return {name: control.ss([], [], [], [[0.0]], **names) for name, names in zip(_SIDES, ends, strict=True)}

@@ -35,7 +35,7 @@ class Performance:
     Attributes
     ----------
     title : str
-        What the suspension is called.
+        Name of the suspension.
     sigma : SigmaResult
         Singular values from platform actuators to tips; the peak is verified.  With a discrete controller those at the
         samples, of a platform that is held from one to the next.
@@ -46,7 +46,7 @@ class Performance:
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
     warmup_time : float
-        How long the run goes before what it leaves on the field counts [s].
+        Time of the run before the evaluation of the deposit starts [s].
     """
 
     title: str
@@ -144,12 +144,12 @@ def evaluate_suspension(
     *,
     delay: float | None = None,
 ) -> Performance:
-    """Return what a suspension does in a scene: singular values, a run over the field, the spray it leaves.
+    """Evaluate a suspension in a scenario: singular values, a run over the field, and the spray deposit.
 
     Parameters
     ----------
     title : str
-        What the suspension is called.
+        Name of the suspension.
     scenario : FieldScenario
         The field, the sensors and the limits.
     parameters : BoomParameters
@@ -160,7 +160,7 @@ def evaluate_suspension(
     plant : control.StateSpace, optional
         The machine, where the controller reads more than the boom with its sensors offers; by default that boom.
     delay : float, optional
-        Time between a sample and the moment its forces act [s]; by default that of the scene.
+        Computation delay [s]; by default that of the scenario.
 
     Returns
     -------

@@ -45,7 +45,7 @@ class FieldScenario:
     control_limit, end_stop : float
         Largest force of each actuator of the suspension [N], and its end stops [m].
     stroke_resolution, acceleration_resolution : float
-        What the sensors resolve [m], [m/s^2].
+        Resolution of the sensors [m], [m/s^2].
     accelerometer_bandwidth_hz : float
         Bandwidth of the accelerometers [Hz].
     elements : int
@@ -90,7 +90,7 @@ class FieldScenario:
                 (nonnegative if item.name in _MAY_BE_ZERO else positive)(item.name, value)
 
     def motion(self) -> PlatformMotion:
-        """Return what the track does to the platform, run-in included; a longer run begins with the shorter one.
+        """Return the motion of the platform on the track, including run-in; a longer run begins with the shorter one.
 
         Returns
         -------

@@ -176,7 +176,7 @@ def _labeled(what: str, values: Any) -> list[tuple[Label, Any]]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a scalar of NumPy as a number of Python, anything else as it is."""
+    """Return a scalar of NumPy as a number of Python, other values unchanged."""
     return value.item() if isinstance(value, np.generic) or getattr(value, "ndim", None) == 0 else value
 
 
@@ -189,7 +189,7 @@ def _is_single(values: object) -> bool:
 def _outcomes(
     function: Callable[..., Any], waiting: Mapping[int, dict[str, Any]], n_jobs: int, backend: Any
 ) -> Generator[tuple[int, Outcome], None, None]:
-    """Yield the outcomes of points by place, as they are computed."""
+    """Yield the outcomes of points by index, as they are computed."""
     with nullcontext() if backend is None else joblib.parallel_config(backend):
         parallel = joblib.Parallel(n_jobs, return_as="generator_unordered", batch_size=1)
     here = n_jobs == 1 and backend is None
