@@ -59,7 +59,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue
-        notes = {"measurements": replaced, "controls": moved, "axis": "seen from its right" if shift else ""}
+        notes = {"measurements": replaced, "controls": moved, "axis": "shifted to the right" if shift else ""}
         return bounds.lower, "; ".join(f"{name}: {text}" for name, text in notes.items() if text)
     raise SynthesisError(reason)
 
