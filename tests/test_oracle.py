@@ -71,7 +71,7 @@ def squared(exact, omega):
 
 def error_beside_kept(system, exact, error):
     """Return the largest error beyond rounding, away from the poles that are kept, at resonances and between."""
-    kept = spectral_parts(of(system).balanced()).kept.poles
+    kept = spectral_parts(of(system).balanced()).retained.poles
     poles = np.array([complex(float(p.real), float(p.imag)) for p in exact.poles_in_rad()])
     width = KEPT * np.where(side_of_axis(kept) == 0, np.maximum(np.abs(kept), KEPT * np.abs(poles).max()), 0.0)
     around = np.abs(poles.imag) + np.array([-1.0, -0.3, 0.0, 0.3, 1.0])[:, None] * np.abs(poles.real)

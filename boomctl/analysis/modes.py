@@ -240,10 +240,10 @@ def _rigid(system: Lti) -> tuple[Array, Lti]:
     Their poles are equal, so that a chain of them shows as one.  The first value says, for each power of time, where it does.
     """
     parts = without_integrators(system)
-    B, C = parts.kept.B, parts.kept.C
+    B, C = parts.retained.B, parts.retained.C
     if len(B) < 2:
         return np.zeros((0, len(C), B.shape[1]), dtype=bool), system
-    N = np.triu(parts.kept.A, 1)
+    N = np.triu(parts.retained.A, 1)
     lengths = np.linalg.norm(system.C, axis=1)[:, None] * np.linalg.norm(system.B, axis=0)
     powers = [np.linalg.matrix_power(N, k) for k in range(len(N))]
     shown = [np.abs(C @ power @ B) > _HIDDEN * np.linalg.norm(N) ** k * lengths for k, power in enumerate(powers)]

@@ -1,4 +1,4 @@
-"""The coarsest mesh of the boom whose response is as exact as asked for, up to a frequency: tried against the exact beam."""
+"""Selection of the coarsest mesh of the boom that meets a requested accuracy, with the exact beam as reference."""
 
 from __future__ import annotations
 
@@ -37,18 +37,18 @@ _SAFETY = 0.8  # Fraction of the accuracy that a mesh may use: errors between th
 
 @dataclass(frozen=True, repr=False)
 class MeshChoice:
-    """A mesh that was chosen for its accuracy, and what was tried.
+    """A mesh selected for its accuracy, with the tested candidates.
 
     Attributes
     ----------
     accuracy, max_frequency_hz : float
-        What was asked for.
+        Requested accuracy and frequency limit [Hz].
     elements, order : int
-        What was chosen: elements of ``"high-order"``, and their polynomial order.
+        Selected number of ``"high-order"`` elements, and their polynomial order.
     error : float
-        The largest relative error of the response up to ``max_frequency_hz`` that was found, against the exact beam.
+        Largest computed relative error of the response up to ``max_frequency_hz``, relative to the exact beam.
     tried : tuple of (int, int, float)
-        Elements, order and error of each mesh that was tried, in turn.
+        Elements, order and error of each tested mesh, in the order of the tests.
     """
 
     accuracy: float
@@ -69,15 +69,15 @@ class MeshChoice:
 def chosen_mesh(
     p: BoomParameters, accuracy: float, max_frequency_hz: float, excitation: str, nozzles: tuple[float, ...] = ()
 ) -> MeshChoice:
-    """Return the first number of elements that reaches an accuracy, and the lowest order that does.
+    """Select the first number of elements that meets an accuracy, and the lowest order that does.
 
-    The error at a frequency is the largest singular value of the error of the response over that of the exact response:
-    the largest such, of the motions of tips, strokes and slip, to motions of actuators and to forces, each by itself.
+    The error at a frequency is the largest singular value of the error of the response over that of the exact response.
+    It is computed separately for each group of outputs (tips, strokes, slip) and inputs (actuator motions, forces).
 
     Raises
     ------
     ValueError
-        Values out of range; the exact response is not finite at a resonance, or no mesh is as exact as asked for.
+        If a value is out of range, if the exact response is infinite at a resonance, or if no mesh meets the accuracy.
     """
     within("accuracy", accuracy, *_ACCURACIES)
     imposed = "force" if excitation == "force" else "displacement"
@@ -97,8 +97,8 @@ def chosen_mesh(
             f" {exactly(accuracy)}. The most accurate mesh has {best[0]} elements of order {best[1]}."
         )
     order = _ORDERS[bisect_left(_ORDERS[:-1], True, key=lambda order: reached(elements, order))]
-    tried = tuple((*mesh, value) for mesh, value in errors.items())
-    return MeshChoice(accuracy, max_frequency_hz, elements, order, errors[elements, order], tried)
+    candidates = tuple((*mesh, value) for mesh, value in errors.items())
+    return MeshChoice(accuracy, max_frequency_hz, elements, order, errors[elements, order], candidates)
 
 
 def _error_of(

@@ -1,4 +1,4 @@
-"""The spray boom with an exact beam: frequency response and eigenfrequencies without discretisation."""
+"""The spray boom with an exact beam: frequency response and eigenfrequencies without discretization."""
 
 from __future__ import annotations
 
@@ -22,10 +22,8 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_START_ORDER = 12  # polynomial order of the elements that start Newton's method: good to far below its 1e-3
-_MOST = (
-    1000  # frequencies of the exact boom that can be asked for: the last of them is far beyond slender beams (a choice)
-)
+_START_ORDER = 12  # Polynomial order of the elements that start Newton's method; their error is far below 1e-3.
+_MOST = 1000  # Limit on the number of eigenfrequencies; the last of them is far beyond the range of slender beams.
 
 
 @lru_cache(maxsize=16)
@@ -38,9 +36,9 @@ def exact_boom(
     ----------
     parameters : BoomParameters
     excitation : "displacement" or "force"
-        What the platform actuators impose.
+        Quantity imposed by the platform actuators.
     nozzles : tuple of float
-        Places along the boom whose motions are outputs too [m].
+        Positions along the boom whose motions are additional outputs [m].
     """
     model = boom_assembly(parameters, FiniteElements(1), nozzles=nozzles).to_exact()
     model = model.mirrored(boom_mirror(model.coordinates, nozzles))
@@ -117,10 +115,10 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     parameters : BoomParameters
         The boom.
     count : int
-        How many eigenfrequencies.
+        Number of eigenfrequencies.
     damped : bool
-        True: ``Im(lambda)/2 pi`` of the damped system, as in Anthonis & Ramon (2003), Table 1.  False: of the boom
-        without damping; none is missed (count of Wittrick & Williams 1971).
+        If True, ``Im(lambda)/2 pi`` of the damped system, as in Anthonis & Ramon (2003), Table 1.  If False, those of the
+        boom without damping, all of which are computed (count of Wittrick & Williams 1971).
 
     Returns
     -------
@@ -130,14 +128,14 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     Raises
     ------
     TypeError, ValueError
-        ``parameters`` are not the boom's, ``count`` is not a whole number above zero.
+        If ``parameters`` is not a `BoomParameters`, or if ``count`` is not a whole number above zero.
     ArithmeticError
-        An eigenvalue iteration did not converge, or two came to the same eigenvalue.
+        If an eigenvalue iteration did not converge, or if two converged to the same eigenvalue.
 
     Warns
     -----
     AccuracyWarning
-        Rounding may exceed 1e-9 of an eigenfrequency, and by how much.
+        If the rounding error of an eigenfrequency may exceed 1e-9, with its estimate.
 
     Examples
     --------

@@ -1,9 +1,9 @@
-"""What is not known of a spray boom: the stiffness of its springs and the mass of its beam.
+"""Families of spray booms with uncertain stiffness of the springs and mass of the beam.
 
-Both enter mass, damping and stiffness matrix linearly, so that the boom is an exactly affine family over a box of them.
-The beam's mass is uncertain as a whole: ``boom_mass``, ``boom_inertia`` and ``density`` are scaled by one factor, so that
-the tube's share of mass and inertia stays what it is and never exceeds the boom's.  Tanks, hoses and nozzles spread along
-the boom, and spray liquid in its pipes, are such a change.
+Both enter mass, damping and stiffness matrix linearly, so the boom is an exactly affine family over a box of them.  A single
+factor scales ``boom_mass``, ``boom_inertia`` and ``density``, so the fractions of the tube in mass and inertia are constant
+and never exceed those of the boom.  Tanks, hoses and nozzles distributed along the boom, and spray liquid in its pipes, are
+such a change.
 """
 
 from collections.abc import Callable, Mapping
@@ -76,7 +76,7 @@ def boom_family(
         Least and largest factor on the spring stiffness, and on the mass of the beam; the family's parameters are
         called ``"spring_factor"`` and ``"mass_factor"``.
     subsystem : "jolt" or "yaw", optional
-        One half of the symmetric boom; by default the whole boom.
+        Subsystem of the symmetric boom; by default the full boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
         As for :func:`boomctl.spray_boom`.
 
@@ -114,9 +114,9 @@ def yaw_family(
     excitation: str = "displacement",
     accelerometer_bandwidth_hz: float | None = None,
 ) -> AffineFamily:
-    """Return the boom over a range of spring stiffness, chosen by the yaw frequency that it leads to.
+    """Return the boom over a range of spring stiffness, which is specified by the first yaw frequency.
 
-    The range runs from the stiffness given to the one that brings the first yaw frequency to ``max_yaw_frequency_hz``.  By
+    The range is from the nominal stiffness to the one whose first yaw frequency is ``max_yaw_frequency_hz``.  By
     default that is 0.34 Hz, as measured by Anthonis & Ramon (2003), Table 1, where their model has 0.245 Hz.
 
     Parameters
@@ -126,7 +126,7 @@ def yaw_family(
     max_yaw_frequency_hz : float
         First yaw frequency at the upper end of the range [Hz].
     subsystem : "jolt" or "yaw", optional
-        One half of the symmetric boom; by default the whole boom.
+        Subsystem of the symmetric boom; by default the full boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
         As for :func:`boomctl.spray_boom`.
 

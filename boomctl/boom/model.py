@@ -1,4 +1,4 @@
-"""The spray boom as a machine of rigid bodies, a beam, springs and dampers; read it beside Fig. 1 of the paper."""
+"""The spray boom as a machine of rigid bodies, a beam, springs and dampers; compare Fig. 1 of the paper."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirr
 
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
-_KEPT = 8  # mirrors kept for the next boom of the same mesh (a choice of memory)
+_CACHED_MIRRORS = 8  # Number of cached mirrors, each of one mesh.
 DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")
 
 _PAIRS = (
@@ -104,7 +104,7 @@ def boom_model(
     reactions: bool = False,
     nozzles: tuple[float, ...] = (),
 ) -> SecondOrderModel:
-    """Return the boom with a beam of the given mesh, its actuators imposing what ``excitation`` says."""
+    """Return the boom with a beam of the given mesh, whose actuators impose the quantity ``excitation``."""
     model = boom_assembly(p, mesh, accelerometer_bandwidth_hz, nozzles).assemble()
     structure = model.structure.mirrored(boom_mirror(model.coordinates, nozzles))
     model = SecondOrderModel.of(structure, replace(model.ports, primary=(ACTUATORS, TIPS)))
@@ -116,7 +116,7 @@ def boom_model(
 def boom_discretization(
     p: BoomParameters, discretization: str = "finite", elements: int | Sequence[float] | Array = 6, order: int = 12
 ) -> Discretization:
-    """Return the discretisation of the boom of the given name; node positions count from the hinge."""
+    """Return the named discretization of the boom; node positions are relative to the hinge."""
     known("discretization", discretization, DISCRETIZATIONS)
     stations: int | tuple[float, ...]
     if isinstance(elements, (int, np.integer)):
@@ -168,7 +168,7 @@ def nozzle_name(index: int) -> str:
     return f"nozzle_{index + 1:02d}"
 
 
-def nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
+def checked_nozzles(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[float, ...]:
     """Return checked positions of nozzles on the boom."""
     x, half = _positions("nozzles", nozzles, 1), p.length / 2
     if max(-x[0], x[-1]) > half:
@@ -178,16 +178,16 @@ def nozzle_places(p: BoomParameters, nozzles: Sequence[float] | Array) -> tuple[
     return tuple(x.tolist())
 
 
-def _nozzle_pairs(places: Sequence[float]) -> tuple[SignalPair, ...]:
-    """Return which nozzles are each other's images; none where they do not lie symmetrically."""
-    count, x = len(places), np.asarray(places)
+def _nozzle_pairs(positions: Sequence[float]) -> tuple[SignalPair, ...]:
+    """Return the pairs of nozzles that are mirror images; empty if they are not placed symmetrically."""
+    count, x = len(positions), np.asarray(positions)
     if count and np.abs(x + x[::-1]).max() > 1e-9 * np.abs(x).max():
         return ()
     pairs = [SignalPair(nozzle_name(i), nozzle_name(count - 1 - i), nozzle_name(i)) for i in range(count // 2)]
     return (*pairs, SignalPair(nozzle_name(count // 2), nozzle_name(count // 2))) if count % 2 else tuple(pairs)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_MIRRORS)
 def boom_mirror(coordinates: tuple[str, ...], nozzles: tuple[float, ...] = ()) -> Mirror | None:
     """Return the reflection about the hinge; None where the mesh has no mirror image."""
     images = {

@@ -23,8 +23,8 @@ from boomctl.parameters import or_default
 from boomctl.threads import one_blas_thread
 
 _DISTANCE = BoomParameters.actuator_distance
-_SETTLED = 1e-6  # share of the motion at the start that is left when the record begins (a choice)
-_DRIFTING = 1e-9  # decay [1/s] below which nothing holds the heading: it would take 30 years (a choice)
+_SETTLED = 1e-6  # Remaining fraction of the initial motion when the record begins.
+_DRIFTING = 1e-9  # Decay rate [1/s] below which the heading counts as free.
 _SIDES, _MOTIONS = ("time_s", "left_m", "right_m"), ("time_s", "jolt_m", "yaw_rad")  # Columns of a file of motion.
 # Amplitudes of the left and the right actuator.
 _SWEEPS = {"jolt": (1.0, 1.0), "yaw": (-1.0, 1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}
@@ -35,12 +35,12 @@ _COMMENT = re.compile(rf"{_STATED}\s*=\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[
 
 @dataclass(frozen=True, eq=False)
 class PlatformMotion(TimeSeries):
-    """What the two platform actuators do: forward displacements from uniform driving, equally spaced in time.
+    """Motion of the two platform actuators: forward displacements from uniform driving, equally spaced in time.
 
     Attributes
     ----------
     time : (n,) ndarray
-        Instants, equally spaced [s].
+        Times, equally spaced [s].
     left, right : (n,) ndarray
         Displacements of ``actuator_left`` and ``actuator_right`` [m].
     actuator_distance : float
@@ -49,7 +49,7 @@ class PlatformMotion(TimeSeries):
     Raises
     ------
     TypeError, ValueError
-        Fewer than two samples, lengths that differ, values that are not finite, times not equally spaced.
+        If there are fewer than two samples, if lengths differ, if a value is not finite, or if times are not equally spaced.
 
     Examples
     --------
@@ -88,14 +88,14 @@ class PlatformMotion(TimeSeries):
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: jolt and yaw; by default a new figure of pyplot.
+            Axes for jolt and yaw.  If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.  ``label`` is prefixed to the line labels.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes.
         """
         return import_module("boomctl.plotting.spray").plot_motion(self, ax, **style)
 
@@ -112,22 +112,22 @@ class PlatformMotion(TimeSeries):
 
     @property
     def symmetric(self) -> Array:
-        """What drives ``actuator_sym`` of a symmetric half: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
+        """Input ``actuator_sym`` of a symmetric subsystem: ``(right + left)/sqrt 2``, root of two times the jolt [m]."""
         return (self.right + self.left) / np.sqrt(2.0)
 
     @property
     def antisymmetric(self) -> Array:
-        """What drives ``actuator_anti`` of an antisymmetric half: ``(right - left)/sqrt 2`` [m]; not the yaw, an angle."""
+        """Input ``actuator_anti`` of an antisymmetric subsystem: ``(right - left)/sqrt 2`` [m]; the yaw is an angle."""
         return (self.right - self.left) / np.sqrt(2.0)
 
     @property
     def jolt(self) -> Array:
-        """Forward displacement of the platform's middle [m]."""
+        """Forward displacement of the platform's center [m]."""
         return 0.5 * (self.left + self.right)
 
     @property
     def yaw(self) -> Array:
-        """Turn of the platform, right side ahead [rad]."""
+        """Rotation of the platform, positive with the right side ahead [rad]."""
         return (self.right - self.left) / self.actuator_distance
 
 
@@ -160,30 +160,31 @@ def platform_motion(
     Parameters
     ----------
     track : Track
-        The ground.  The tractor starts from equilibrium, its rear axle at the beginning of the track; the usual one moves as
-        much from the second second on as it does later.  A periodic track is driven on before, until the motion is
-        stationary.
+        The ground.  The tractor starts from equilibrium, with its rear axle at the beginning of the track; the motion of
+        the default tractor is stationary after one second.  On a periodic track the record begins after the motion has
+        become stationary.
     tractor : TractorParameters, optional
         The tractor; by default a typical one.
     speed : float
         Driving speed [m/s].
     duration : float, optional
-        How long it drives [s]; by default once over the track, until the front axle is at its end.
+        Duration of the motion [s]; by default once over the track, until the front axle is at its end.
     sample_time : float
-        Time between the instants of the result [s].
+        Time between the samples of the result [s].
     actuator_distance : float
         Distance between the actuators [m].
 
     Returns
     -------
     PlatformMotion
-        Exact for ground that runs straight between the places met at the samples.
+        Exact for ground that is straight between the positions at the samples.
 
     Raises
     ------
     TypeError, ValueError
-        The tracks are not as far apart as the wheels; a track too short; a time, speed or distance not above zero;
-        samples further apart than a quarter of a tire's contact length and a step of the track.
+        If the width of the track differs from that of the tractor, if the track is too short, if a time, speed or distance
+        is not above zero, or if the distance per sample exceeds both a quarter of a tire's contact length and the spacing
+        of the track.
 
     Examples
     --------
@@ -201,12 +202,12 @@ def platform_motion(
             f"track: its sides are {exactly(track.width)} m apart; expected track_width, "
             f"{exactly(p.track_width)} m, of the tractor"
         )
-    way = track.length if track.periodic else track.length - p.wheelbase  # that the rear axle can drive
-    if way <= 0.0:
+    reach = track.length if track.periodic else track.length - p.wheelbase  # Driving distance of the rear axle.
+    if reach <= 0.0:
         raise ValueError(f"track: {track.length:g} m are shorter than the wheelbase, {p.wheelbase:g} m")
-    wanted = way / V if duration is None else positive("duration", duration)
+    wanted = reach / V if duration is None else positive("duration", duration)
     if not track.periodic:
-        within("duration", wanted, 0.0, way / V * (1.0 + 1e-9), "s")
+        within("duration", wanted, 0.0, reach / V * (1.0 + 1e-9), "s")
     # A quarter of a tire's contact length, or a step of the track.
     longest = max(0.25 * p.contact_length, track.spacing) / V
     h = within("sample_time", positive("sample_time", sample_time), 0.0, longest * (1.0 + 1e-9), "s")
@@ -225,10 +226,10 @@ def _ground(track: Track, distance: Array, wheelbase: float) -> Array:
 
 
 def _driven_before(system: Lti, track: Track, speed: float, h: float, wheelbase: float) -> tuple[int, Array | None]:
-    """Return how many samples to drive before the record for the motion to be stationary, and the state to begin with.
+    """Return the number of samples before the record until the motion is stationary, and the initial state.
 
-    Where it would take more than a round, the state is that of the motion that repeats itself round by round, found with
-    as many whole steps as there are in one; without anything that holds the heading there is none.
+    If that takes more than one round, the initial state is that of the periodic motion, computed with a whole number of steps
+    per round.  There is none if the heading is free.
     """
     slowest = -float(np.linalg.eigvals(system.A).real.max())
     if slowest <= _DRIFTING:
@@ -261,15 +262,15 @@ def sine_sweep(
     Parameters
     ----------
     start_hz, stop_hz : float
-        Frequency at the beginning and at the end [Hz]; it may rise, fall or stay.
+        Frequency at the beginning and at the end [Hz], in any order.
     duration : float
-        How long the sweep lasts [s].
+        Duration of the sweep [s].
     amplitude : float
         Amplitude of the actuators that move [m].
     motion : "jolt", "yaw", "left" or "right"
-        Both actuators alike, both against each other (right ahead first), or one alone.
+        Both actuators in phase, both in antiphase (right ahead first), or a single actuator.
     logarithmic : bool
-        True: each octave takes the same time.  False: each hertz does.
+        If True, each octave has the same duration.  If False, each hertz.
     sample_time : float
         Time between samples [s].
     actuator_distance : float
@@ -310,16 +311,15 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     r"""Read a measured motion from a CSV file.
 
     The first line names the columns, ``time_s, left_m, right_m`` or ``time_s, jolt_m, yaw_rad``, in any order.  Lines
-    that begin with ``#`` are comments; the comment ``# actuator_distance_m = 1.78`` says how far apart the actuators
-    are, in small letters or capitals; one that says it in another way or unit is refused.
+    that begin with ``#`` are comments; the comment ``# actuator_distance_m = 1.78`` specifies the distance of the
+    actuators, in lower or upper case.  A comment that specifies it in another form or unit raises ValueError.
 
     Parameters
     ----------
     path : str or Path
         The CSV file to read.
     actuator_distance : float, optional
-        Distance between the actuators [m]; by default what the file says, and that of `BoomParameters` if it says
-        nothing.
+        Distance between the actuators [m].  If None, the value in the file, or else the default of `BoomParameters`.
 
     Returns
     -------
@@ -329,11 +329,11 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     Raises
     ------
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     TypeError, ValueError
-        A column is missing, unknown or there twice; a value missing or not finite; times that do not ascend, have a gap
-        or are not equally spaced; an `actuator_distance` other than the file's; a comment with a distance of the actuators
-        that is not in meters; the message names file and line.
+        If a column is missing, unknown or duplicate, if a value is missing or not finite, if times do not ascend, have a
+        gap or are not equally spaced, if `actuator_distance` differs from that of the file, or if a comment specifies the
+        distance of the actuators in another form; the message includes file and line.
 
     Examples
     --------
@@ -347,9 +347,9 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     >>> motion.left, motion.right
     (array([0.  , 0.01, 0.02]), array([0.  , 0.01, 0.02]))
     """
-    given = None if actuator_distance is None else positive("actuator_distance", actuator_distance)
+    requested = None if actuator_distance is None else positive("actuator_distance", actuator_distance)
     table = read_numbers(path)
-    distance = _distance_of(path, table.comments, given)
+    distance = _distance_of(path, table.comments, requested)
     column = dict(zip(table.header, table.values.T, strict=True))
     if len(column) != len(table.header) or set(column) not in (set(_SIDES), set(_MOTIONS)):
         raise ValueError(
@@ -366,44 +366,44 @@ def read_motion(path: str | Path, actuator_distance: float | None = None) -> Pla
     return PlatformMotion(time, column["jolt_m"] - half, column["jolt_m"] + half, distance)
 
 
-def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], given: float | None) -> float:
-    """Return the distance of the actuators [m] that was given, or that the comments of a file state."""
+def _distance_of(path: str | Path, comments: tuple[tuple[int, str], ...], distance: float | None) -> float:
+    """Return the distance of the actuators [m] specified by the user, or that the comments of a file state."""
     stated = [(line, text, _COMMENT.fullmatch(text)) for line, text in comments if _MEANT.match(text)]
     for line, text, match in stated[-1:]:
         if len(stated) > 1 or match is None or not float(match[1]) > 0.0:
             raise ValueError(f"{path}, line {line}: expected one '# {_STATED} = ...', above zero, got {text[:50]!r}")
-        if given not in (None, float(match[1])):
+        if distance not in (None, float(match[1])):
             raise ValueError(
-                f"actuator_distance = {exactly(given)}: expected {match[1]} m, as line {line} of {path} says, or"
+                f"actuator_distance = {exactly(distance)}: expected {match[1]} m, as line {line} of {path} says, or"
                 " leave it out"
             )
-        given = float(match[1])
-    return _DISTANCE if given is None else given
+        distance = float(match[1])
+    return _DISTANCE if distance is None else distance
 
 
 def write_motion(path: str | Path, motion: PlatformMotion) -> None:
-    """Write a motion as a CSV file that :func:`read_motion` reads back to the last digit; whole or not at all.
+    """Write a motion as a CSV file that :func:`read_motion` reads back exactly; the file is complete or not written.
 
-    The distance between the actuators stands in a comment above the columns.
+    The distance between the actuators is written in a comment above the columns.
 
     Parameters
     ----------
     path : str or Path
         The file; an existing one is replaced.
     motion : PlatformMotion
-        What to write.
+        The motion.
 
     Returns
     -------
     None
-        Nothing; the file holds ``time_s, left_m, right_m`` in columns.
+        The file has the columns ``time_s, left_m, right_m``.
 
     Raises
     ------
     OSError
-        The file cannot be written.
+        If the file cannot be written.
     TypeError, ValueError
-        Not a motion; a path that is a folder.
+        If `motion` is not a `PlatformMotion`, or if `path` is a folder.
 
     Examples
     --------

@@ -8,8 +8,8 @@ from typing import Any, TypedDict
 from boomctl.checks import exactly, from_on, positive, warn_user, within
 from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced
 
-_LARGEST = 1e15  # of any parameter, SI units: a thousand times the stiffness of diamond, in N/m^2 (a choice)
-# [rad/s], between which the boom may bend: once in a week and 160 kHz (a choice); beyond, no double carries the model
+_LARGEST = 1e15  # Limit on any parameter, SI units: a thousand times the stiffness of diamond in N/m^2.
+# Range of the lowest bending frequency [rad/s]; beyond, double precision does not suffice.
 _BENDING = (1e-5, 1e6)
 _HINGE_TOLERANCE = 1e-3  # Largest change of mass or inertia at the hinge without a warning, relative to the tube.
 _TUBE = ("density", "length", "outer_width", "inner_width", "outer_height", "inner_height")
@@ -49,18 +49,18 @@ class BoomParameters(Parameters):
     """Physical properties of the spray boom and its suspension, SI units.
 
     The defaults are those of Anthonis & Ramon (2003), Table 2.  The paper's ``b`` is a width here (20 mm, the depth in
-    bending), its ``h`` a height.  The mass and inertia of the boom beyond those of its tube are at the hinge; `scaled`
+    bending), its ``h`` a height.  The mass and inertia of the boom in excess of its tube are at the hinge; `scaled`
     changes tube and boom together.
 
     Parameters
     ----------
     platform_mass, platform_inertia : float
-        Mass ``m_1`` [kg] and moment of inertia ``I_1`` [kg m^2] of the platform; without influence where the actuators
+        Mass ``m_1`` [kg] and moment of inertia ``I_1`` [kg m^2] of the platform; no influence if the actuators
         impose motion.
     cradle_mass, cradle_inertia : float
         Mass ``m_2`` [kg] and moment of inertia ``I_2`` [kg m^2] of the cradle.
     boom_mass, boom_inertia : float
-        Mass ``m_3`` [kg] and moment of inertia ``I_3`` [kg m^2] of the whole boom.
+        Mass ``m_3`` [kg] and moment of inertia ``I_3`` [kg m^2] of the full boom.
     density, youngs_modulus : float
         Density ``rho_3`` [kg/m^3] and Young's modulus ``E_b`` [N/m^2] of the tube.
     length : float
@@ -79,9 +79,9 @@ class BoomParameters(Parameters):
     Raises
     ------
     TypeError, ValueError
-        Not a number, not finite, negative, or inconsistent: a section larger inside than outside, a spring beyond the
-        boom's end, less mass or inertia than the tube has; above 1e15; so soft, stiff, long or short that the arms
-        would bend slower than 1e-5 rad/s or faster than 1e6 rad/s.
+        If a value is not a finite number, negative or above 1e15, if the section is larger inside than outside, if a spring
+        is beyond the end of the boom, if mass or inertia is less than that of the tube, or if the first bending frequency
+        of the arms is not between 1e-5 and 1e6 rad/s.
 
     Warns
     -----
@@ -164,15 +164,15 @@ class BoomParameters(Parameters):
         warn_user(f"{names} {change}; the difference is placed at the hinge. To change both, use {remedy}.")
 
     def scaled(self, **changes: float) -> "BoomParameters":
-        """Return the parameters with another tube, whose mass and inertia the boom's own follow.
+        """Return the parameters with another tube, and with the mass and inertia of the boom changed accordingly.
 
-        What the boom has beyond its tube, at the hinge, stays as it is.
+        The mass and inertia in excess of the tube, at the hinge, are unchanged.
 
         Parameters
         ----------
         **changes : float
-            New values by name, such as ``length``, ``density`` or the sides of the section.  Mass and inertia of the boom
-            that are among them are taken as they are given.
+            New values by name, such as ``length``, ``density`` or the sides of the section.  Specified mass and inertia
+            of the boom are used unchanged.
 
         Returns
         -------
@@ -224,12 +224,12 @@ class BoomParameters(Parameters):
 
     @property
     def tube_inertia(self) -> float:
-        """Moment of inertia of the tube alone about its middle [kg m^2]."""
+        """Moment of inertia of the tube alone about its center [kg m^2]."""
         return self.tube_mass * self.length**2 / 12.0
 
 
 def boom_parameters(
-    parameters: BoomParameters | None, changes: Mapping[str, Any] | None = None, beside: Sequence[str] = ()
+    parameters: BoomParameters | None, changes: Mapping[str, Any] | None = None, other_names: Sequence[str] = ()
 ) -> BoomParameters:
-    """Return the parameters given, those of Table 2 for None, with changes by name; anything else is refused."""
-    return or_default(BoomParameters, "parameters", parameters, changes, beside)
+    """Return checked parameters, those of Table 2 for None, with changes by name."""
+    return or_default(BoomParameters, "parameters", parameters, changes, other_names)

@@ -1,9 +1,9 @@
-"""Spray on the field: what moving nozzles leave on the ground, and how uneven it is.
+"""Spray deposit of moving nozzles on the field, and its uniformity.
 
-Each nozzle drives at ``V`` and moves ``y(t)`` ahead of that.  Its spray falls on a footprint of the ground: along the boom a
-triangle (or a box), along the driving direction a box; both are stated in :class:`Footprint`.  The deposit is integrated
-in closed form for paths that run straight between samples, and averaged over the cells of a grid on the ground, so that
-nothing is lost or made.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
+Each nozzle is driven at ``V`` with the displacement ``y(t)`` relative to that.  Its spray falls on a footprint of the
+ground: along the boom a triangle (or a box), along the driving direction a box; both are defined in :class:`Footprint`.  The
+deposit is integrated in closed form for paths that are straight between samples, and averaged over the cells of a grid on the
+ground, so the total is preserved.  Where a nozzle moves back over the ground (``y' < -V``) its passes add up.
 
 Under a point footprint the dose is ``1/(1 + y'/V)`` times the nominal one; small motion varies it by ``sigma(y')/V``.
 """
@@ -28,29 +28,29 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _SHAPES = ("triangle", "box")
-_MOST_CELLS = 20_000_000  # of a field: 160 MB (a choice)
-_PORTION = 2_000_000  # edges that are worked on at once: some 100 MB of arrays (a choice)
+_MOST_CELLS = 20_000_000  # Limit on the cells of a field: 160 MB.
+_PORTION = 2_000_000  # Number of edges processed at once: some 100 MB of arrays.
 
 
 @dataclass(frozen=True)
 class Footprint:
-    """Where a nozzle's spray falls, seen from above.
+    """Distribution of the spray of a nozzle on the ground.
 
-    This is an assumption: a flat fan whose pattern overlaps with that of the next nozzle.
+    The model is a flat fan whose pattern overlaps with that of the next nozzle.
 
     Attributes
     ----------
     width : float
-        Base of the pattern along the boom [m]; a triangle makes an even swath where it is twice the nozzles' spacing.
+        Base of the pattern along the boom [m]; a triangle gives a uniform swath if it is twice the nozzles' spacing.
     thickness : float
-        Size along the driving direction [m], with an even density; may be zero, a line.
+        Length along the driving direction [m], with uniform density; may be zero, a line.
     shape : "triangle" or "box"
         Density of the spray along the boom.
 
     Raises
     ------
     TypeError, ValueError
-        A width not above zero; a negative thickness; another shape.
+        If `width` is not above zero, if `thickness` is negative, or if `shape` is unknown.
 
     Examples
     --------
@@ -71,12 +71,12 @@ class Footprint:
         known("shape", self.shape, _SHAPES)
 
     def cumulative(self, offset: Array) -> Array:
-        """Return the share of a nozzle's spray that falls left of ``x_nozzle + offset``.
+        """Return the fraction of a nozzle's spray that falls left of ``x_nozzle + offset``.
 
         Parameters
         ----------
         offset : float or ndarray
-            Place along the boom, from the nozzle [m].
+            Position along the boom, relative to the nozzle [m].
 
         Returns
         -------
@@ -98,15 +98,15 @@ class SprayResult:
     x_edges, y_edges : ndarray
         Edges of the cells [m].
     x_slice, y_slice : slice
-        Cells that figures speak of: between the outermost nozzles, as far inside as a wide footprint needs for all
-        neighbors to spray, and away from the ends of the run, on ground that no nozzle met outside the record (if it
-        moved there no further than within it).
+        Evaluated cells: between the outermost nozzles, as far inside as a wide footprint needs for all
+        neighbors to spray, and away from the ends of the run, on ground that no nozzle passed outside the record
+        (if its displacement there was within that of the record).
     rms_tip_speed : float
-        RMS of ``y'`` at the outermost points given, the larger one of both [m/s].
+        RMS of ``y'`` at the outermost points, the larger of the two [m/s].
     speed : float
         Driving speed [m/s].
     footprint : Footprint
-        Where each nozzle's spray fell.
+        Footprint of each nozzle.
     """
 
     deposit: Array
@@ -119,14 +119,14 @@ class SprayResult:
     footprint: Footprint
 
     def __repr__(self) -> str:
-        size = f"{self.evaluated_deposit.shape[0]} x {self.evaluated_deposit.shape[1]} cells judged"
+        size = f"{self.evaluated_deposit.shape[0]} x {self.evaluated_deposit.shape[1]} cells evaluated"
         doses = f"doses {self.min_dose:.3f} to {self.max_dose:.3f} of the nominal one"
-        share = f"{100.0 * self.share_outside_10:.3g} % of the field outside 10 %"
-        return f"SprayResult: CV {100.0 * self.cv:.4g} %, {size}\n  {doses}, {share}"
+        outside = f"{100.0 * self.share_outside_10:.3g} % of the field outside 10 %"
+        return f"SprayResult: CV {100.0 * self.cv:.4g} %, {size}\n  {doses}, {outside}"
 
     @property
     def evaluated_deposit(self) -> Array:
-        """The cells that figures speak of."""
+        """Deposit in the evaluated cells."""
         return self.deposit[self.x_slice, self.y_slice]
 
     @property
@@ -136,16 +136,16 @@ class SprayResult:
 
     @property
     def share_outside_10(self) -> float:
-        """Share of the field with more than 10 % off the nominal deposit."""
+        """Fraction of the field whose deposit differs from the nominal one by more than 10 %."""
         return self.fraction_outside(0.1)
 
     @property
     def share_outside_20(self) -> float:
-        """Share of the field with more than 20 % off the nominal deposit."""
+        """Fraction of the field whose deposit differs from the nominal one by more than 20 %."""
         return self.fraction_outside(0.2)
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the metrics of a comparison."""
         return {
             "deposit: CV [%]": 100.0 * self.cv,
             "deposit: outside 10 % [% of field]": 100.0 * self.share_outside_10,
@@ -154,7 +154,7 @@ class SprayResult:
         }
 
     def fraction_outside(self, tolerance: float) -> float:
-        """Return the share of the field whose deposit is off the nominal one by more than a tolerance.
+        """Return the fraction of the field whose deposit differs from the nominal one by more than a tolerance.
 
         Parameters
         ----------
@@ -164,12 +164,12 @@ class SprayResult:
         Returns
         -------
         float
-            From 0 to 1, of the cells judged.
+            Fraction of the evaluated cells, from 0 to 1.
 
         Raises
         ------
         TypeError, ValueError
-            Not a number, or negative.
+            If `tolerance` is not a number or negative.
         """
         return float((np.abs(self.evaluated_deposit - 1.0) > nonnegative("tolerance", tolerance)).mean())
 
@@ -191,13 +191,13 @@ class SprayResult:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on.  If None, a new figure is created.
         label : str, default: "deposit"
             The title.
         length : float, optional
-            Length of field to show [m], from the first cell that counts.  If None, all cells that count.
+            Length of field to show [m], from the first evaluated cell.  If None, all evaluated cells.
         **style
-            Of the map, as matplotlib's ``pcolormesh`` takes it.
+            Properties of the map, passed to `matplotlib.axes.Axes.pcolormesh`.
 
         Returns
         -------
@@ -219,7 +219,7 @@ class SprayResult:
 
 
 def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 0.5) -> Array:
-    """Return places for nozzles along a boom, equally spaced about its middle.
+    """Return positions of nozzles along a boom, equally spaced about its center.
 
     Parameters
     ----------
@@ -231,13 +231,13 @@ def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 
     Returns
     -------
     (n,) ndarray
-        Places from left to right, 0 in the middle [m]; as many as the length holds.  Where ``spacing`` divides it
-        evenly, the outermost nozzles are half a spacing from the tips.
+        Positions from left to right, 0 at the center [m]; the number is the largest that fits the length.  If ``spacing``
+        divides the length, the outermost nozzles are half a spacing from the tips.
 
     Raises
     ------
     TypeError, ValueError
-        Numbers not above zero; a spacing longer than the boom, or so short that there are too many nozzles.
+        If a value is not above zero, or if the spacing is longer than the boom or gives too many nozzles.
 
     Examples
     --------
@@ -266,16 +266,16 @@ def spray_deposit(
     Parameters
     ----------
     time : (n,) array_like
-        Instants, equally spaced [s].
+        Times, equally spaced [s].
     displacement : (k, n) array_like
         Forward displacement of ``k`` points of the boom from uniform driving [m].
     positions : (k,) array_like
-        Where these points are along the boom, ascending [m].
+        Positions of these points along the boom, ascending [m].
     speed : float
         Driving speed [m/s].
     nozzles : array_like, optional
-        Places of the nozzles, equally spaced, between the first and the last point [m]; the boom is taken as straight
-        between two points.  By default there is a nozzle at each point.
+        Positions of the nozzles, equally spaced, between the first and the last point [m], with linear interpolation
+        between the points.  By default there is a nozzle at each point.
     footprint : Footprint, optional
         By default a triangle of twice the nozzles' spacing along the boom, 0.1 m thick.
     cell_size : float or (float, float)
@@ -289,17 +289,17 @@ def spray_deposit(
     Raises
     ------
     TypeError, ValueError
-        Shapes that do not fit, values that are not finite, times not equally spaced, nozzles outside the points or not
-        equally spaced, a run too short or a footprint too wide for one cell to be judged, a motion or footprint too
-        large for the size of the cells.
+        If shapes do not match, if values are not finite, if times are not equally spaced, if nozzles are outside the points
+        or not equally spaced, if the run is too short or the footprint too wide to evaluate a cell, or if the motion or
+        footprint is too large for the size of the cells.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import numpy as np
-    >>> time, places = np.arange(0.0, 20.0, 0.01), [-6.0, 6.0]
+    >>> time, positions = np.arange(0.0, 20.0, 0.01), [-6.0, 6.0]
     >>> yaw = np.outer([-1.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # tips 0.1 m to and fro
-    >>> spray = bc.spray_deposit(time, yaw, places, speed=2.5, nozzles=bc.nozzle_positions())
+    >>> spray = bc.spray_deposit(time, yaw, positions, speed=2.5, nozzles=bc.nozzle_positions())
     >>> round(spray.cv, 4), round(spray.min_dose, 3), round(spray.max_dose, 3)
     (0.0245, 0.944, 1.063)
     """
@@ -313,8 +313,8 @@ def spray_deposit(
             f"`cell_size` must be one size, or those along the boom and along the drive, got {cell_size!r}."
         )
     dx, dy = (positive("cell_size", size) for size in sizes)
-    shares = np.array([np.interp(at, x, unit) for unit in np.eye(len(x))])
-    offset, driven = shares.T @ moved, V * (t - t[0])
+    weights = np.array([np.interp(at, x, unit) for unit in np.eye(len(x))])
+    offset, driven = weights.T @ moved, V * (t - t[0])
     path, half = offset + driven, 0.5 * pattern.thickness
     _check_size(path, (dx, dy), (at[-1] - at[0] + pattern.width) / dx, pattern.thickness)
     x_edges = _edges(at[0] - 0.5 * pattern.width, at[-1] + 0.5 * pattern.width, dx, origin=at[0])
@@ -325,7 +325,7 @@ def spray_deposit(
     lacks = f"footprint: no cell of {dx:g} m between the nozzles at {at[0]:g} and {at[-1]:g} m is sprayed by all"
     lacks += f" neighbors {pattern.width:g} m wide"
     across = _within(x_edges, at[0] + lacking, at[-1] - lacking, lacks)
-    short = f"time: the run of {t[-1] - t[0]:g} s is too short for a cell to be judged"
+    short = f"time: the run of {t[-1] - t[0]:g} s is too short to evaluate a cell"
     along = _within(y_edges, offset.max() + half, driven[-1] + offset.min() - half, short)
     tips = np.sqrt(np.mean((np.diff(moved[[0, -1]]) / np.diff(t)) ** 2, axis=1)).max()
     return SprayResult(
@@ -341,11 +341,11 @@ def spray_deposit(
 
 
 def _check_size(path: Array, cell: tuple[float, float], columns: float, thickness: float) -> None:
-    """Refuse what would need more cells than memory holds, as motions of an unstable loop do."""
-    extent, way = np.ptp(path) + thickness, np.abs(np.diff(path)).sum(axis=1).max()
-    if max(extent / cell[1], 1.0) * max(columns, 1.0) > _MOST_CELLS or way / cell[1] > _MOST_CELLS:
+    """Raise ValueError if the field has too many cells, as for the motion of an unstable loop."""
+    extent, travel = np.ptp(path) + thickness, np.abs(np.diff(path)).sum(axis=1).max()
+    if max(extent / cell[1], 1.0) * max(columns, 1.0) > _MOST_CELLS or travel / cell[1] > _MOST_CELLS:
         raise ValueError(
-            f"displacement: nozzles travel {way:.3g} m over {extent:.3g} m of ground, too much for cells of"
+            f"displacement: nozzles travel {travel:.3g} m over {extent:.3g} m of ground, too much for cells of"
             f" {cell[0]:g} by {cell[1]:g} m"
         )
 
@@ -397,24 +397,24 @@ def spray_deposit_components(
     footprint: Footprint | None = None,
     cell: float | tuple[float, float] = 0.1,
 ) -> tuple[SprayResult, SprayResult, SprayResult]:
-    """Return the spray of the whole motion, of its jolt alone and of its yaw alone.
+    """Return the spray of the total motion, of its jolt alone and of its yaw alone.
 
-    It tells which of the two spoils the deposit.
+    The comparison shows which of the two dominates the error of the deposit.
 
     Parameters
     ----------
     time, displacement, positions, speed, nozzles, footprint, cell
-        As for :func:`spray_deposit`; the points lie symmetrically about ``x = 0``.
+        See :func:`spray_deposit`; the points must be symmetric about ``x = 0``.
 
     Returns
     -------
     total, jolt, yaw : SprayResult
-        Each as :func:`spray_deposit` returns it.
+        Results of :func:`spray_deposit`.
 
     Raises
     ------
     TypeError, ValueError
-        As for :func:`spray_deposit`; points that have no mirror image.
+        See :func:`spray_deposit`; also if a point has no mirror image.
 
     Examples
     --------
@@ -458,33 +458,33 @@ def _nozzles(nozzles: ArrayLike | None, x: Array) -> tuple[Array, float]:
 
 
 def _edges(low: float, high: float, size: float, origin: float = 0.0) -> Array:
-    """Return edges ``size`` apart, one of them at ``origin``, that cover ``low`` to ``high``."""
+    """Return edges with spacing ``size``, one of them at ``origin``, that cover ``low`` to ``high``."""
     first, last = np.floor((low - origin) / size - 1e-9), np.ceil((high - origin) / size + 1e-9)
     return origin + size * np.arange(first, last + 1)
 
 
-def _within(edges: Array, low: float, high: float, refusal: str) -> slice:
-    """Return the cells that lie wholly between two places; ``refusal`` is raised where there are none."""
+def _within(edges: Array, low: float, high: float, message: str) -> slice:
+    """Return the cells that are entirely between two positions; raise ValueError with ``message`` if there are none."""
     slack = 1e-9 * (edges[1] - edges[0])
     inside = np.flatnonzero((edges[:-1] >= low - slack) & (edges[1:] <= high + slack))
     if not len(inside):
-        raise ValueError(refusal)
+        raise ValueError(message)
     return slice(int(inside[0]), int(inside[-1]) + 1)
 
 
 def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Array:
-    """Return for how long the spray of a nozzle falls behind each edge [s].
+    """Return the duration for which the spray of a nozzle falls behind each edge [s].
 
-    During a step of ``dt`` from ``Y0`` to ``Y1`` the spray is spread over ground as the convolution of two boxes, the way
-    and the thickness; a step counts in full at the edges ahead of that and in part at those within.
+    During a step of ``dt`` from ``Y0`` to ``Y1`` the spray is spread over ground as the convolution of two boxes, the
+    distance and the thickness; a step counts in full at the edges ahead of that and in part at those within.
     """
-    dt, way = np.diff(time), np.abs(np.diff(path))
+    dt, travel = np.diff(time), np.abs(np.diff(path))
     begin = np.minimum(path[1:], path[:-1]) - 0.5 * thickness
     size = edges[1] - edges[0]
     first = np.ceil((begin - edges[0]) / size).astype(np.intp)
-    done = np.ceil((begin + way + thickness - edges[0]) / size).astype(np.intp)
+    done = np.ceil((begin + travel + thickness - edges[0]) / size).astype(np.intp)
     count = np.maximum(done - first, 0)
-    narrow, broad = np.minimum(way, thickness), np.maximum(way, thickness)
+    narrow, broad = np.minimum(travel, thickness), np.maximum(travel, thickness)
     parts = np.zeros(len(edges))
     for some in np.array_split(np.arange(len(dt)), 1 + count.sum() // _PORTION):
         many = count[some]
@@ -497,7 +497,7 @@ def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Arr
 
 
 def _two_boxes(u: Array, narrow: Array, broad: Array) -> Array:
-    """Return the share below ``u`` of the convolution of two boxes that begin at zero, one of them of some breadth."""
+    """Return the fraction below ``u`` of the convolution of two boxes that begin at zero, one of them of nonzero breadth."""
     least = np.finfo(float).tiny
     slim, wide = np.maximum(narrow, least), np.maximum(broad, least)
     left, rest = np.clip(u, 0.0, narrow), np.clip(narrow + broad - u, 0.0, narrow)

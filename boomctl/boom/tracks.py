@@ -5,13 +5,13 @@ processes of one-sided density ``G_d(n) = G_d(n0) (n/n0)^-2`` in the wave number
 ``G_d(n0) = 16 * 4^k * 1e-6 m^3`` for class ``k`` (0 is A, 7 is H).  A seed is one ground of 10 km, the sum of its waves
 ``j/10 km``; a track is its beginning, so that neither length nor step of a track change the ground.
 
-What two tracks have in common follows from isotropy (Dodds & Robson 1973; Kamash & Robson 1978): if the ground looks
-alike in all directions, the density along a line fixes the one over the plane, ``S(n, m) ~ (n^2 + m^2)^(-3/2)`` for the
-slope -2, and the cross density of two lines ``b`` apart is its cosine transform over ``m``,
+The coherence of two tracks follows from isotropy (Dodds & Robson 1973; Kamash & Robson 1978): if the statistics of the
+ground are equal in all directions, the density along a line determines that over the plane, ``S(n, m) ~ (n^2 + m^2)^(-3/2)``
+for the exponent -2, and the cross density of two lines at distance ``b`` is its cosine transform over ``m``,
 
     G_lr(n) = G_d(n) z K1(z),   z = 2 pi n b,
 
-with the modified Bessel function ``K1``: one for waves much longer than ``b``, nought for shorter ones.
+with the modified Bessel function ``K1``: one for waves much longer than ``b``, zero for shorter ones.
 """
 
 from __future__ import annotations
@@ -46,17 +46,17 @@ if TYPE_CHECKING:
 ROAD_CLASSES = "ABCDEFGH"
 COHERENCES = ("isotropic", "full", "none")
 REFERENCE_WAVE_NUMBER = 0.1  # 1/m, at which ISO 8608 states the densities of its classes
-SPEEDS = (1e-6, 1e6)  # m/s at which a machine may drive: far beyond any, and not yet numbers that overflow (a choice)
-BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones (a choice)
+SPEEDS = (1e-6, 1e6)  # Range of driving speeds [m/s], within which nothing overflows.
+BAND = (0.01, 3.0)  # 1/m: waves of 100 m to 0.33 m, 0.025 to 7.5 Hz at 2.5 m/s; tires smooth shorter ones.
 _MAX_STEPS = 50_000_000  # Of a track or a motion: 400 MB a signal.
 _MOST_WAVES = 5_000_000  # of a ground, 500 to the meter of 10 km: 160 MB of random numbers
-GROUND_LENGTH = 10_000.0  # m, after which a seed's ground repeats: 100 of the longest waves, 55 min at 3 m/s (a choice)
-_BLOCK = 2**15  # points of a track summed at once at least, so that phases keep their digits (a choice)
+GROUND_LENGTH = 10_000.0  # Period of the ground of a seed [m]: 100 of the longest waves, 55 min at 3 m/s.
+_BLOCK = 2**15  # Least number of track points summed at once, which limits the rounding error of phases.
 
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Height of the ground under the left and the right wheels; straight between the points.
+    """Height of the ground under the left and the right wheels, with linear interpolation between the points.
 
     Attributes
     ----------
@@ -67,12 +67,12 @@ class Track:
     width : float
         Distance between the two lines [m].
     periodic : bool
-        True: the track goes round, its first point follows its last.  False: the ground is level before and behind it.
+        If True, the first point of the track follows its last.  If False, the ground is level before and after it.
 
     Raises
     ------
     TypeError, ValueError
-        A spacing or width not above zero; heights that are not finite, fewer than two, or not equally many on both sides.
+        If `spacing` or `width` is not above zero, or if heights are not finite, fewer than two or of different number.
 
     Examples
     --------
@@ -114,20 +114,20 @@ class Track:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on.  If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.  ``label`` is prefixed to the line labels.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.spray").plot_track(self, ax, **style)
 
     @property
     def distance(self) -> Array:
-        """Where the points are, from the beginning of the track [m]."""
+        """Distances of the points from the beginning of the track [m]."""
         return self.spacing * np.arange(len(self.left))
 
     @property
@@ -136,12 +136,12 @@ class Track:
         return self.spacing * (len(self.left) if self.periodic else len(self.left) - 1)
 
     def heights(self, distance: ArrayLike) -> Array:
-        """Return the heights (2 x n: left, right) at places along the track [m].
+        """Return the heights (2 x n: left, right) at positions along the track [m].
 
         Parameters
         ----------
         distance : (n,) array_like
-            Places, from the beginning of the track [m].
+            Distances from the beginning of the track [m].
 
         Returns
         -------
@@ -151,7 +151,7 @@ class Track:
         Raises
         ------
         TypeError, ValueError
-            Not a row of finite numbers.
+            If `distance` is not a vector of finite numbers.
         """
         at, period = finite_array("distance", distance, ndim=1), self.length if self.periodic else None
         return np.array([np.interp(at, self.distance, side, period=period) for side in (self.left, self.right)])
@@ -195,7 +195,7 @@ def road_psd(road_class: str | int, wave_number: ArrayLike) -> Array:
 
 
 def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isotropic") -> Array:
-    """Return what the heights under the left and the right wheels have in common: cross density over density.
+    """Return the coherence of the heights under the left and the right wheels: cross density over density.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isot
     width : float
         Distance between the two tracks [m].
     coherence : "isotropic", "full" or "none"
-        ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (the wheels meet the same ground), ``"none"`` 0.
+        ``"isotropic"`` is ``z K1(z)``, ``z = 2 pi n width``; ``"full"`` is 1 (both wheels on the same ground), ``"none"`` 0.
 
     Returns
     -------
@@ -214,7 +214,7 @@ def track_coherence(wave_number: ArrayLike, width: float, coherence: str = "isot
     Raises
     ------
     TypeError, ValueError
-        Another word for ``coherence``; numbers that are not finite.
+        If `coherence` is unknown or a value is not finite.
 
     Examples
     --------
@@ -249,17 +249,17 @@ def iso_track(
 ) -> Track:
     """Return a random track of a road class of ISO 8608, the same for the same seed on every machine.
 
-    A seed is a ground of 10 km, and a track its first meters: a longer one begins with the shorter one, and a finer one
-    has its heights where both have a point.  Another band leaves the waves alone that are in both.
+    A seed is a ground of 10 km, and a track its first meters: a longer track begins with a shorter one, and a
+    finer track has the same heights at common points.  Waves that two ranges have in common are equal.
 
     Parameters
     ----------
     road_class : str or int
         A letter from A to H, or its number from 0.
     length : float
-        Length of the track [m], at most 10 km unless it goes round.
+        Length of the track [m], at most 10 km unless periodic.
     seed : int
-        Of NumPy's PCG64.
+        Seed of NumPy's PCG64.
     width : float
         Distance between the wheels' tracks [m].
     spacing : float
@@ -267,10 +267,10 @@ def iso_track(
     wave_number_range : (float, float)
         Wave numbers [1/m] between which the track has content; none outside.
     coherence : "isotropic", "full" or "none"
-        What left and right have in common, see :func:`track_coherence`.
+        Coherence of left and right, see :func:`track_coherence`.
     periodic : bool
-        True: a track that goes round after `length`.  It has waves of whole parts of its length only, so that each length
-        is another ground.
+        If True, the track has the period `length`.  All wave lengths are integer fractions of `length`, so different
+        lengths have different ground.
 
     Returns
     -------
@@ -318,9 +318,9 @@ def iso_track(
     size = np.zeros(len(n))
     size[inside] = np.sqrt(0.5 * road_psd(road_class, n[inside]) / period)
     drawn = np.random.Generator(np.random.PCG64(whole("seed", seed, least=0))).standard_normal((len(n), 4))
-    shares = size * np.sqrt([1.0 + common, 1.0 - common])
+    amplitudes = size * np.sqrt([1.0 + common, 1.0 - common])
     waves = np.zeros((2, len(n) + 1), dtype=complex)
-    waves[:, 1:] = shares * drawn.view(complex).T
+    waves[:, 1:] = amplitudes * drawn.view(complex).T
     if round_trip:
         mean, half = np.fft.irfft(0.5 * count * waves, count)
     else:
@@ -332,7 +332,7 @@ def _sum_of_waves(waves: Array, turn: float, count: int) -> Array:
     """Return the real parts of ``sum_k waves[:, k] exp(2 pi i turn k m)`` at ``m = 0 ... count - 1``.
 
     ``2 k m = k^2 + m^2 - (m - k)^2`` makes a convolution of the sum for any ``turn`` (Bluestein 1970); long ones are
-    summed block by block, for phases that grow with the square of ``m`` would lose digits.
+    summed block by block, because phases that grow with the square of ``m`` would be inaccurate.
     """
     from scipy.fft import fft, ifft, next_fast_len
 
@@ -382,21 +382,21 @@ def bump_track(
     bump_length : float
         Length of the bump along the track, from foot to foot [m].
     side : "left", "right" or "both"
-        Under which wheels it lies.
+        Wheels under which the bump is.
     position : float
-        Where it begins [m].
+        Start of the bump [m].
     length, width, spacing : float
         Length of the track, distance between the wheels, distance between points [m].
 
     Returns
     -------
     Track
-        Not periodic: the ground is level before and behind it.
+        Not periodic; the ground is level before and after the track.
 
     Raises
     ------
     TypeError, ValueError
-        The bump does not lie within the track, or is shorter than ten steps.
+        If the bump is not within the track, or is shorter than ten times the spacing.
 
     Examples
     --------

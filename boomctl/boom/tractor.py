@@ -1,20 +1,20 @@
 """The tractor that carries the boom: from the ground under its wheels to jolt and yaw.
 
-The paper gives no tractor.  This one is an assumption, small and linear, stated here in full; its numbers are typical
-of a six-tonne tractor with a mounted sprayer and are not fitted to any result.
+The paper specifies no tractor.  This linear model is an assumption; its parameters are typical of a six-tonne tractor with a
+mounted sprayer and are not fitted to any result.
 
 - The body is rigid on four tires (spring and damper, vertical).  It bounces, pitches, rolls, moves fore and aft, and yaws
-  about a uniform, straight drive; lateral motion is left out, since it moves no nozzle along the driving direction,
-  and so is what it would add to yaw.
-- A tire does not feel waves shorter than its contact patch: the height under it passes ``1/(1 + s tau)^2`` with
+  about a uniform, straight drive.  Lateral motion is neglected, because it moves no nozzle along the driving direction;
+  its contribution to yaw is neglected too.
+- A tire filters waves shorter than its contact patch: the height under it is filtered by ``1/(1 + s tau)^2`` with
   ``tau = contact_length/(2 sqrt(6) V)``, which has the second moment of the mean over the patch.
-- Each wheel is held back at its hub by ``N z'/V + f dN``: its static load ``N`` times the slope of the ground, and the
-  rolling resistance ``f`` of its dynamic load ``dN``.  Their sum moves the tractor fore and aft and, through its lever,
-  pitches it; the difference between right and left yaws it.
+- The retarding force on each wheel at its hub is ``N z'/V + f dN``: its static load ``N`` times the slope of the
+  ground, and the rolling resistance ``f`` of its dynamic load ``dN``.  Their sum moves the tractor fore and aft and,
+  through its lever, pitches it; the difference between right and left yaws it.
 - Fore and aft the driven rear wheels are held to uniform rolling through spring and damper (tire, soil and drive line)
   at hub height.
-- Yaw is resisted by the side forces of rolling tires, a damping ``sum C_alpha a^2/V``; slow deviations are steered away,
-  a high pass of first order with the corner ``steering_corner_hz``.
+- Yaw is resisted by the side forces of rolling tires, a damping ``sum C_alpha a^2/V``; slow deviations are corrected by
+  steering, a first-order high pass with the corner frequency ``steering_corner_hz``.
 - The boom is driven at the height ``boom_height``, where pitch counts as fore-and-aft motion.
 
 On ground of class D to E at 2 to 3 m/s it leaves the passive boom of Table 2 with a coefficient of variation of the
@@ -66,17 +66,17 @@ class TractorParameters(Parameters):
     rolling_resistance : float
         Resisting force over load, on soil.
     drive_stiffness, drive_damping : float
-        Stiffness [N/m] and damping [N s/m] with which the drive holds the tractor to uniform rolling.
+        Stiffness [N/m] and damping [N s/m] of the drive relative to uniform rolling.
     cornering_stiffness_front, cornering_stiffness_rear : float
         Side force over slip angle, of one tire [N/rad].
     steering_corner_hz : float
-        Frequency below which the driver steers deviations of the heading away [Hz].
+        Frequency below which the driver corrects deviations of the heading [Hz].
 
     Raises
     ------
     TypeError, ValueError
-        Not a number, not finite, not above zero (damping, resistance, contact length, corner: negative), center of mass
-        not between the axles.
+        If a value is not a finite number or not above zero (for damping, resistance, contact length and corner frequency:
+        negative), or if the center of mass is not between the axles.
 
     Examples
     --------

@@ -1,8 +1,8 @@
 """The bilinear map ``z = (1 + w/g)/(1 - w/g)``, ``g = 2/dt``: the unit circle becomes the imaginary axis, exactly.
 
 A discrete system and its image have the same response, at ``z = exp(j omega dt)`` and at ``w = j (2/dt) tan(omega dt/2)``;
-the same norm, the same Hankel singular values; and one is stable where the other is.  The image of a discrete system is that
-continuous one whose Tustin discretisation it is; a system in continuous time is its own, so that nobody has to ask.
+the same norm and the same Hankel singular values, and both are stable or neither is.  The image of a discrete system is the
+continuous system whose Tustin discretization it is.  A system in continuous time is its own image.
 """
 
 from dataclasses import replace
@@ -19,7 +19,7 @@ from boomctl.lti.system import Lti, balanced_inverse
 def image_of_omega(omega: ArrayLike, dt: float) -> Array:
     """Return the frequencies ``(2/dt) tan(omega dt/2)`` of the image; ``inf`` for ``pi/dt``.
 
-    Without ``dt`` they stay.
+    If ``dt`` is 0, they are unchanged.
     """
     if dt == 0.0:
         return np.asarray(omega, dtype=float)
@@ -29,9 +29,9 @@ def image_of_omega(omega: ArrayLike, dt: float) -> Array:
 
 
 def omega_of_image(v: ArrayLike, dt: float) -> Array:
-    """Return the frequencies ``(2/dt) atan(v dt/2)`` whose images are given; ``pi/dt`` for ``inf``.
+    """Return the frequencies ``(2/dt) atan(v dt/2)`` of the images ``v``; ``pi/dt`` for ``inf``.
 
-    Without ``dt`` they stay.
+    If ``dt`` is 0, they are unchanged.
     """
     if dt == 0.0:
         return np.asarray(v, dtype=float)
@@ -39,12 +39,12 @@ def omega_of_image(v: ArrayLike, dt: float) -> Array:
 
 
 def continuous_image(system: Lti) -> Lti:
-    """Return the continuous system that a discrete one is the Tustin discretisation of; a continuous one stays.
+    """Return the continuous system whose Tustin discretization is the given one; a continuous one is unchanged.
 
     Raises
     ------
     ValueError
-        A pole at ``z = -1``: there is none.
+        If there is a pole at ``z = -1``.
     """
     if system.dt == 0.0:
         return system
@@ -53,14 +53,14 @@ def continuous_image(system: Lti) -> Lti:
 
 
 def discrete_image(system: Lti, dt: float) -> Lti:
-    """Return the Tustin discretisation of a continuous system: the discrete one whose continuous image it is.
+    """Return the Tustin discretization of a continuous system.
 
-    Without ``dt`` it is the system itself.
+    If ``dt`` is 0, the system is unchanged.
 
     Raises
     ------
     ValueError
-        A pole at ``w = 2/dt``: there is none.
+        If there is a pole at ``w = 2/dt``.
     """
     if dt == 0.0:
         return system
@@ -70,15 +70,15 @@ def discrete_image(system: Lti, dt: float) -> Lti:
     )
 
 
-def _moved(system: Lti, coefficients: tuple[float, float, float], dt: float, refusal: str) -> Lti:
+def _moved(system: Lti, coefficients: tuple[float, float, float], dt: float, message: str) -> Lti:
     """Return the system over ``(a x + b)/(c x + 1)`` instead of ``x``, which is ``s`` or ``z``.
 
     One factor goes to each side, so that Gramians stay those of the system up to no more than that.
     """
     (a, b, c), eye = coefficients, np.eye(len(system.A))
-    inverse, moved = balanced_inverse(eye + c * system.A, DIGIT, refusal), b * eye + a * system.A
+    inverse, moved = balanced_inverse(eye + c * system.A, DIGIT, message), b * eye + a * system.A
     A, B, C, side = inverse @ moved, inverse @ system.B, system.C @ inverse, np.sqrt(a - b * c)
-    # of a pole that goes to zero nothing is left but rounding
+    # A pole at zero leaves only rounding error.
     A[np.abs(A) <= DIGIT * (np.abs(inverse) @ (np.abs(b) * eye + np.abs(a * system.A)))] = 0.0
     D = system.D - c * (system.C @ B)
     return replace(system, A=A, B=side * B, C=side * C, D=D, dt=dt)

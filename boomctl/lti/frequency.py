@@ -1,4 +1,4 @@
-"""Many frequencies at once: singular values, grids around resonances, the highest peak."""
+"""Vectorized functions of frequency: singular values, grids around resonances, the highest peak."""
 
 from __future__ import annotations
 
@@ -20,42 +20,43 @@ Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outpu
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
 
 _AROUND = np.array([-1, 0, 1])  # a point and its neighbors
-_CLOSED_FROM = 12  # frequencies from which on a closed form takes less time than LAPACK (measured)
-_PLACED = 1e-10  # of a peak's frequency: how finely it is searched for; its height is then right to rounding
-# share of a bracket, asked beside its parabola's top to close it in from both sides (measured: few steps)
+_CLOSED_FROM = 12  # Number of frequencies above which the closed form is faster than LAPACK.
+_PLACED = 1e-10  # Relative bracket width of a peak at which the search stops; the height is then accurate to rounding.
+# Distance from the vertex at which a bracket is also evaluated, as a fraction of its width, to enclose the peak.
 _CLOSE = 0.03
-# highest points of a grid around which a peak is searched for: the highest peak may be at the second (a choice)
+# Number of highest grid points around which a peak is searched for: the highest peak may be at the second.
 _REFINED = 3
-# Frequencies between the resonances (choices): of what is drawn, or looked at without proof, about 100 a decade on a boom's
-# band; of a search that goes on to the top of a peak
+# Number of frequencies between the resonances: of curves and of checks without proof, about 100 per decade for a boom; of a
+# search that is refined at the peaks.
 CURVE = 240
 SEARCHED = 60
-_STEPS = 12  # of Newton's method to a peak at most: three or four do (measured)
-_TOPS = 3  # rounds in which a peak is placed on a grid: each leaves the square of what was missing (a choice)
-_SMOOTH = 0.05  # share of its distance from zero, plus one, by which a step of a Nyquist curve may move (a choice)
-_HALVINGS = 10  # of a step of a Nyquist curve at most: a narrow resonance is a circle of many steps (a choice)
-MODES = 8  # that a picture shows by default (a choice)
-# of the lowest and of the last of them, ends of its band: a peak is seen from both sides (choices)
+_STEPS = 12  # Limit on the Newton steps to a peak; typical are three or four.
+_TOPS = 3  # Iterations that refine a peak on a grid; each squares the relative error.
+_SMOOTH = 0.05  # Largest step of a Nyquist curve, as a fraction of its distance from zero plus one.
+_HALVINGS = 10  # Limit on the halvings of a step of a Nyquist curve: a narrow resonance is a circle of many steps.
+MODES = 8  # Number of modes shown in a plot by default.
+# Limits of the plotted range, as multiples of the lowest and the highest of these frequencies: both sides of a peak.
 BELOW, ABOVE = 0.25, 1.5
-BEYOND = 100.0  # times below the slowest pole and above the fastest, how far a loop is looked at (a choice)
-RAISED = 30  # levels tried before giving up: each rises to a higher peak, so that a few do
-_RESTING = 1e-9  # share of the fastest pole up to which a slow one is no reason to show so low frequencies (a choice)
-# Share of half the sampling rate from which a picture begins at least, where no pole says so.
+BEYOND = 100.0  # Range in which a loop is evaluated: this factor below the slowest pole and above the fastest.
+RAISED = 30  # Limit on the levels tested; each rises to a higher peak, so that a few suffice.
+_RESTING = 1e-9  # Poles below this fraction of the fastest do not extend the plotted range.
+# Lower limit of a plot without poles, as a fraction of half the sampling rate.
 _LOWEST_SHOWN = 0.1
-EMPTY = (0.1, 100.0)  # [rad/s], what a picture shows of a system without dynamics (a choice)
-NARROWEST = 1e-6  # share of its frequency as which a narrower resonance is drawn: no eye tells them apart (a choice)
+EMPTY = (0.1, 100.0)  # Plotted range of a system without dynamics [rad/s].
+NARROWEST = 1e-6  # Least relative width of a drawn resonance; narrower ones look the same.
 
-# Places around a resonance, in half-power half-widths |Re p| from Im p (both choices):
-# for a curve, dense at the peak and up to 23 half-widths to either side; for a search, which narrows in on the highest
+# Points around a resonance, in half-power half-widths |Re p| from Im p: for a curve, dense at the peak and up to 23
+# half-widths to either side; for a search, which is refined at the highest point.
 DRAWN = np.sinh(np.linspace(-4.0, 4.0, 33)) / np.sinh(1.0)
 SOUGHT = np.array([-3.0, -1.0, -0.5, -0.2, 0.0, 0.2, 0.5, 1.0, 3.0])
-_LIGHT = 0.1  # share of its frequency up to which a mode's decay leaves it a resonance to itself (a choice)
+_LIGHT = 0.1  # Ratio of decay rate to frequency up to which a mode has a separate resonance.
 
 
 def singular_values(G: Array) -> Array:
     """Return the singular values of ``G[:, :, f]``, descending, shape (min(p, m), N).
 
-    One row or column: its length.  Two, at many frequencies: in closed form.  Otherwise LAPACK.
+    A single row or column has its norm as singular value.  Two are computed in closed form, at many frequencies.  Otherwise
+    LAPACK is used.
     """
     p, m, _ = G.shape
     fewer = min(p, m)
@@ -74,7 +75,7 @@ def singular_values(G: Array) -> Array:
         first = np.sqrt(0.5 * (a + c) + np.hypot(0.5 * (a - c), np.abs(b)))
         if p == m:
             product = np.abs(x[0] * y[1] - x[1] * y[0])
-        else:  # the length of one times what the other has across it
+        else:  # Length of one times the orthogonal component of the other.
             product = np.sqrt(a * squared(y - np.where(a > 0.0, b / a, 0.0) * x).sum(axis=0))
         return np.array([first, np.where(first > 0.0, product / first, 0.0)])
 
@@ -94,22 +95,22 @@ def resonance_grid(
     narrowest: float = 0.0,
     also: ArrayLike = (),
 ) -> Array:
-    """Return ascending frequencies that show every resonance between ``low`` and ``high``.
+    """Return ascending frequencies that resolve every resonance between ``low`` and ``high``.
 
     Parameters
     ----------
     poles : (n,) complex ndarray
-        The grid is dense around the imaginary part of each, whatever its sign; leave out those that need none.
+        The grid is dense around the magnitude of each imaginary part.  Omit poles that need no dense grid.
     low, high : float
-        Ends of the grid, above zero [rad/s].
+        Limits of the grid, above zero [rad/s].
     points : int
-        So many are spread evenly in the logarithm, both ends among them.
+        Number of logarithmically spaced points, both limits included.
     places : array_like
         Around each resonance, in half-widths from it: ``DRAWN`` or ``SOUGHT``.
     narrowest : float
-        No resonance is taken to be narrower than this share of its frequency.
+        Least width of a resonance, as a fraction of its frequency.
     also : array_like
-        Further frequencies, wherever they lie.
+        Further frequencies, inside or outside the limits.
     """
     width = np.maximum(np.abs(poles.real), narrowest * np.abs(poles))
     near = (np.abs(poles.imag)[:, None] + width[:, None] * np.asarray(places)).ravel()
@@ -123,7 +124,7 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
 
     Parameters
     ----------
-    value : function from frequencies to as many numbers, not negative
+    value : function from frequencies to nonnegative values
     grid : (n,) ndarray
         Ascending, so fine that the highest peak is among the highest points.
     """
@@ -134,8 +135,8 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
     while len(omega):
         omega, finer = _narrowed(value, omega, heights)
         peak = max(peak, *zip(finer[:, 1].tolist(), omega[:, 1].tolist(), strict=True), key=itemgetter(0))
-        # a step has raised the peak by rounding only, and the ends lie so little below it that the top of a parabola
-        # through them misses it by the square of that
+        # Converged: the last step raised the peak only by rounding, and the bracket is so flat that the error of a parabola's
+        # vertex, the square of the flatness, is rounding error.
         flat = (finer[:, 1] <= heights[:, 1] * (1.0 + SOLVED)) & (finer.min(axis=1) >= finer[:, 1] * (1.0 - ROOT))
         going = (omega[:, 2] - omega[:, 0] > _PLACED * omega[:, 2]) & ~flat
         omega, heights = omega[going], finer[going]
@@ -143,7 +144,7 @@ def highest_peak(value: Callable[[Array], Array], grid: Array) -> tuple[float, f
 
 
 def _tops(values: Array) -> Array:
-    """Return the places of the highest local maxima and their neighbors, (tops, 3); at an end it is its own neighbor."""
+    """Return the indices of the highest local maxima and their neighbors, (tops, 3); an end point is its own neighbor."""
     before, after = np.append(-np.inf, values[:-1]), np.append(values[1:], -np.inf)
     tops = np.flatnonzero(~((before > values) | (after > values)))
     tops = tops[values[tops].argsort()[::-1][:_REFINED]]
@@ -151,9 +152,9 @@ def _tops(values: Array) -> Array:
 
 
 def top_of_resonance(low: Value, middle: Value, high: Value, left: Value, top: Value, right: Value) -> Value:
-    """Return where a resonance is highest by its heights at three frequencies: its inverse square is a parabola there.
+    """Return the frequency of the peak of a resonance from three heights, whose inverse squares are on a parabola.
 
-    Numbers or arrays of them; not between the outer frequencies, or no number at all, where the heights are none of a peak.
+    Arguments are numbers or arrays.  The result is outside the outer frequencies, or not finite, if there is no peak.
     """
     p = (middle - low) * ((top / right) * (top / right) - 1.0)
     q = (middle - high) * ((top / left) * (top / left) - 1.0)
@@ -163,15 +164,15 @@ def top_of_resonance(low: Value, middle: Value, high: Value, left: Value, top: V
 def with_peaks(respond: Response, grid: Array, allowed: Callable[[Array], Array]) -> tuple[Array, Array]:
     """Return a grid and the response on it, with every peak of every entry of the response among its frequencies.
 
-    The top of the resonance through a peak's three points is its place, and a second and a third one, through points that are
-    nearer, leave nothing to see.
+    The frequency of a peak is the top of the resonance through its three points.  A second and a third iteration, through
+    nearer points, reduce the error below what is visible.
 
     Parameters
     ----------
     respond : function from frequencies to responses
     grid : (n,) ndarray
-        Ascending, so fine that each peak has a point of its own.
-    allowed : function from frequencies to those of them at which the response can be asked
+        Ascending, so fine that each peak has a separate point.
+    allowed : function from frequencies to the subset at which the response can be evaluated
     """
     values = respond(grid)
     for _ in range(_TOPS):
@@ -192,7 +193,7 @@ def with_peaks(respond: Response, grid: Array, allowed: Callable[[Array], Array]
 
 
 def smooth_curve(respond: Callable[[Array], Array], omega: Array) -> tuple[Array, Array]:
-    """Return more frequencies, and a complex curve there without corners, from those at which it is known to turn."""
+    """Return refined frequencies at which a complex curve is smooth, and the curve, from a grid that resolves its turns."""
     values = respond(omega)
     for _ in range(_HALVINGS):
         size = np.minimum(np.abs(values[:-1]), np.abs(values[1:]))
@@ -211,46 +212,46 @@ def smooth_curve(respond: Callable[[Array], Array], omega: Array) -> tuple[Array
 def _narrowed(value: Callable[[Array], Array], omega: Array, heights: Array) -> tuple[Array, Array]:
     """Return narrower brackets of peaks, and the values there, in the order of the frequencies.
 
-    A row is a bracket: its ends and, between or at one of them, its highest point.  Each is asked at the top of the
-    resonance through its three points, close to either side of it, and in the middles; all at once.
+    A row is a bracket: its ends and, between or at one of them, its highest point.  Each bracket is evaluated at the top of
+    the resonance through its three points, close to either side of it, and at the midpoints, all at once.
     """
     (low, middle, high), (left, top, right) = omega.T, heights.T
     vertex = top_of_resonance(low, middle, high, left, top, right)
-    vertex, beside = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
-    asked = [vertex - beside, vertex, vertex + beside, 0.5 * (low + middle), 0.5 * (middle + high)]
-    new = np.minimum(np.maximum(np.array(asked), low), high).T
-    places = np.concatenate([omega, new], axis=1)
+    vertex, offset = np.where((vertex > low) & (vertex < high), vertex, middle), _CLOSE * (high - low)
+    trial = [vertex - offset, vertex, vertex + offset, 0.5 * (low + middle), 0.5 * (middle + high)]
+    new = np.minimum(np.maximum(np.array(trial), low), high).T
+    points = np.concatenate([omega, new], axis=1)
     values = np.concatenate([heights, value(new.ravel()).reshape(new.shape)], axis=1)
-    row, order = np.arange(len(places))[:, None], places.argsort(axis=1)
-    places, values = places[row, order], values[row, order]
+    row, order = np.arange(len(points))[:, None], points.argsort(axis=1)
+    points, values = points[row, order], values[row, order]
     around = values.argmax(axis=1)[:, None] + _AROUND
-    around = np.minimum(np.maximum(around, 0), places.shape[1] - 1)
-    return places[row, around], values[row, around]
+    around = np.minimum(np.maximum(around, 0), points.shape[1] - 1)
+    return points[row, around], values[row, around]
 
 
 def largest_gain(modes: ModalSystem, respond: Response) -> tuple[float, float]:
     """Return the largest singular value near the poles and at the ends of the axis, and its frequency.
 
-    Its place is searched for in the coordinates of the eigenvectors, its height is that of ``respond``.  Where the two
-    heights differ, eigenvectors are nearly dependent, and the place is searched for anew in the response.
+    The peak frequency is searched for in modal coordinates, the height is computed with ``respond``.  If the two heights
+    differ, the eigenvectors are nearly dependent, and the search is repeated with the response.
     """
     poles, size = modes.poles, np.abs(modes.poles)
     fastest = float(size.max())
-    seen = size[size > SOLVED * fastest]
+    nonzero = size[size > SOLVED * fastest]
     grid = resonance_grid(
         poles[(poles.imag > 0.0) & (np.abs(poles.real) > UNDAMPED * size)],
-        0.1 * max(float(seen.min(initial=fastest)), SLOWEST),
+        0.1 * max(float(nonzero.min(initial=fastest)), SLOWEST),
         10.0 * max(fastest, SLOWEST),
         points=SEARCHED,
         places=_AROUND,
-        also=[0.0] if len(seen) == len(size) else (),
+        also=[0.0] if len(nonzero) == len(size) else (),
     )
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of eigenvectors that lose all digits
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):  # of eigenvectors without accuracy
         response = modes.response(grid)
     peak = np.inf, 0.0
     if np.isfinite(response).all():
         near = grid[_tops(singular_values(response)[0])]
-        peak = max(_climbed(modes, *places) for places in near.tolist())
+        peak = max(_climbed(modes, *bracket) for bracket in near.tolist())
     return confirmed_peak(peak, lambda omega: singular_values(respond(omega))[0], grid)
 
 
@@ -258,7 +259,8 @@ def largest_gain(modes: ModalSystem, respond: Response) -> tuple[float, float]:
 def top_of_a_mode(modes: ModalSystem) -> tuple[float, float] | None:
     """Return the largest singular value at the resonance of the mode that is highest alone, and its frequency.
 
-    None where it is damped too much for one.  Others together may be higher elsewhere: for those who prove that none is.
+    None if its damping is too high for a resonance.  A sum of other modes may be higher elsewhere, so the caller must prove
+    that none is.
     """
     highest = int(modes.sizes.argmax())
     width, omega = -float(modes.poles[highest].real), abs(float(modes.poles[highest].imag))
@@ -267,22 +269,22 @@ def top_of_a_mode(modes: ModalSystem) -> tuple[float, float] | None:
 
 @np.errstate(divide="ignore", invalid="ignore", over="ignore")
 def _climbed(modes: ModalSystem, low: float, omega: float, high: float) -> tuple[float, float]:
-    """Return the largest singular value that Newton's method finds between two frequencies, and its frequency.
+    """Return the largest singular value that Newton's method reaches between two frequencies, and its frequency.
 
     It goes to the top of ``u^H G v``, of the singular vectors of each step, by its inverse square, which is a parabola at a
-    resonance.  Infinite where the sum is no number.
+    resonance.  Infinite where the sum is not finite.
     """
     peak, at = 0.0, omega
     for _ in range(_STEPS):
-        shares = 1.0 / (1j * omega - modes.poles)
-        G = (modes.C * shares) @ modes.B + modes.D
+        factors = 1.0 / (1j * omega - modes.poles)
+        G = (modes.C * factors) @ modes.B + modes.D
         if not np.isfinite(G).all():
             return np.inf, at
         u, values, v, _ = lapack.zgesdd(G, full_matrices=0)
         if values[0] > peak:
             peak, at = float(values[0]), omega
-        parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (shares * shares / values[0])
-        slope, bend = parts.sum(), float(parts.dot(shares).real)  # of the logarithm, times 1j
+        parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (factors * factors / values[0])
+        slope, bend = parts.sum(), float(parts.dot(factors).real)  # of the logarithm, times 1j
         rise = slope.imag**2
         curve = 4.0 * rise - abs(slope) ** 2 + 2.0 * bend
         if not (curve > 0.0 and rise > EPS * curve):
@@ -291,9 +293,9 @@ def _climbed(modes: ModalSystem, low: float, omega: float, high: float) -> tuple
     return peak, at
 
 
-def confirmed_peak(found: tuple[float, float], exact: Callable[[Array], Array], grid: Array) -> tuple[float, float]:
-    """Return a peak found in quick values, and its frequency, as ``exact`` values are there; searched anew if they differ."""
-    shown, at = found
+def confirmed_peak(candidate: tuple[float, float], exact: Callable[[Array], Array], grid: Array) -> tuple[float, float]:
+    """Return the ``exact`` height of an approximate peak, and its frequency; repeat the search if the heights differ."""
+    shown, at = candidate
     there = float(exact(np.array([at]))[0])
     return (there, at) if abs(shown - there) <= CERTIFIED * there else highest_peak(exact, grid)
 

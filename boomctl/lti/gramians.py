@@ -1,4 +1,4 @@
-"""Gramians as factors, ``P = F F^T``: in closed form in modal coordinates, of Lyapunov equations elsewhere."""
+"""Gramians as factors, ``P = F F^T``: in closed form in modal coordinates, otherwise from Lyapunov equations."""
 
 import numpy as np
 from scipy import linalg
@@ -8,15 +8,15 @@ from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti
 
-EXTENDED = 400  # states up to which residuals are summed in extended precision: beyond, that takes seconds (a choice)
-_SOLVED = 4  # solutions of a refined Gramian: the first, and corrections that gain some ten digits each
+EXTENDED = 400  # Number of states up to which residuals are summed in extended precision; beyond, that takes seconds.
+_SOLVED = 4  # Solutions of a refined Gramian: the first, and corrections that gain about ten digits each.
 
 
 def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
     """Return factors of the Gramians of controllability and observability, ``P = F F^T`` and ``Q = H H^T``.
 
     In modal coordinates ``P_ij = -b_i b_j^*/(p_i + p_j^*)``.  ``modal`` is the same system in modal coordinates, the
-    real form of which is ``system``; None where it has none.
+    real form of which is ``system``, or None.
     """
     if modal is None:
         P, Q = refined_gramian(system.A, system.B), refined_gramian(system.A.T, system.C.T)
@@ -31,9 +31,9 @@ def _closed_form(poles: Array, B: Array) -> Array:
 
 
 def square_root(P: Array) -> Array:
-    """Return ``F`` with ``F F^T`` the positive semidefinite matrix given, as many columns as its rank.
+    """Return a factor ``F`` of a positive semidefinite matrix ``P = F F^T``, with as many columns as its rank.
 
-    It is scaled to a unit diagonal first, so that what is weak keeps its digits.
+    The matrix is first scaled to a unit diagonal, which keeps weak entries accurate.
     """
     size = np.sqrt(np.maximum(np.diag(P), 0.0))
     safe = np.where(size > 0.0, size, 1.0)
@@ -74,9 +74,9 @@ def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, flo
     """
     low, high = band
     if modal is not None:
-        share = _share(modal.poles, high) - _share(modal.poles, low)
+        weights = _modal_integral(modal.poles, high) - _modal_integral(modal.poles, low)
         J = modal.mixing
-        return np.real((J * share) @ J.conj().T)
+        return np.real((J * weights) @ J.conj().T)
     eye = np.eye(len(system.A))
 
     def until(w: float) -> Array:
@@ -85,5 +85,5 @@ def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, flo
     return np.real(until(high) - until(low))
 
 
-def _share(poles: Array, w: float) -> Array:
+def _modal_integral(poles: Array, w: float) -> Array:
     return -0.5j / np.pi * (np.log(1j * w - poles) - np.log(-1j * w - poles))

@@ -1,8 +1,8 @@
-"""Which modes no input moves, and by duality which no output sees.
+"""Uncontrollable modes and, by duality, unobservable modes.
 
 The eigenvector test of Popov, Belevitch and Hautus (PBH), on left eigenvectors of each cluster of poles in balanced
-coordinates.  Of a multiple pole, such as a rigid body's, rounding makes several with vectors of their own: a direction
-between these is a mode of its own only where it is passed on to no other one.
+coordinates.  Rounding splits a multiple pole, such as that of a rigid body, into several poles with separate eigenvectors: a
+direction between these is a separate mode only if it is not coupled to another one.
 """
 
 from collections.abc import Sequence
@@ -16,24 +16,24 @@ from boomctl.lti.modal import side_of_axis, sides
 from boomctl.lti.rounding import DIGIT, EPS, SUMMED, TINY
 from boomctl.lti.system import SLOWEST, rates_of
 
-_FARTHEST = 1e-6  # of the norm of the matrix: no pole is in more doubt than that, however ill-conditioned (a choice)
-_WEAK = 1e-9  # cosine between a mode and the columns of B up to which they do not reach it (a choice above rounding)
-# share of the largest singular value below which eigenvectors of a cluster add no direction (a choice)
+_FARTHEST = 1e-6  # Limit on the error bound of a pole, relative to the norm of the matrix, for ill-conditioned poles.
+_WEAK = 1e-9  # Cosine between a mode and the columns of B up to which it is uncontrollable; above rounding error.
+# Fraction of the largest singular value below which eigenvectors of a cluster add no direction.
 _PARALLEL = 1e-6
-# Times the doubt of its poles, up to which what a cluster passes on within itself is rounding.
+# Coupling within a cluster up to this multiple of the error bound of its poles counts as rounding error.
 _PASSED = 10.0
 
 
 @dataclass(frozen=True)
 class HiddenMode:
-    """A mode that a set of columns does not reach.
+    """An uncontrollable (or, by duality, unobservable) mode.
 
     Attributes
     ----------
     pole : complex
-        Its pole [rad/s], of non-negative imaginary part; in discrete time the rate ``log(z)/dt``.
+        Pole [rad/s] with nonnegative imaginary part; in discrete time the rate ``log(z)/dt``.
     state : str
-        The state that takes the largest part in it, in balanced coordinates.
+        State with the largest participation, in balanced coordinates.
     """
 
     pole: complex
@@ -57,7 +57,7 @@ class HiddenMode:
 def unmoved(
     A: Array, B: Array, states: Sequence[str], *, axis_only: bool = False, stable: bool = False, dt: float = 0.0
 ) -> tuple[HiddenMode, ...]:
-    """Return the modes that no column of ``B`` reaches, of conjugate pairs one.
+    """Return the modes that are uncontrollable from ``B``, one of each conjugate pair.
 
     Parameters
     ----------
@@ -66,9 +66,9 @@ def unmoved(
     states : sequence of str
         Names of the states.
     axis_only : bool
-        Only undamped modes, instead of all that do not decay.
+        Only undamped modes, instead of all modes that are not stable.
     stable : bool
-        The modes that do decay as well.
+        Include stable modes.
     dt : float
         Sampling time [s]; 0 in continuous time.
     """
@@ -77,19 +77,19 @@ def unmoved(
     lengths = np.linalg.norm(acting, axis=0)
     acting = acting / np.where(lengths > 0.0, lengths, 1.0)
     poles, left, right = linalg.eig(balanced, left=True, right=True)  # type: ignore[misc]
-    # rounding may have moved a pole by the more, the smaller the angle of its two eigenvectors
+    # The rounding error of a pole grows as the cosine between its left and right eigenvectors decreases.
     size, cosine = float(np.linalg.norm(balanced, 2)), np.abs(np.einsum("ij,ij->j", left.conj(), right))
-    doubt = np.minimum(DIGIT * size / np.maximum(cosine, TINY), _FARTHEST * size)
-    side = sides(poles, dt, doubt)
+    error_bound = np.minimum(DIGIT * size / np.maximum(cosine, TINY), _FARTHEST * size)
+    side = sides(poles, dt, error_bound)
     chosen = (poles.imag >= 0.0) & (stable | ((side == 0) if axis_only else (side >= 0)))
     result = []
-    for cluster in _clusters(poles, doubt, chosen):
+    for cluster in _clusters(poles, error_bound, chosen):
         U, values, _ = linalg.svd(left[:, cluster], full_matrices=False)
         basis = U[:, values > _PARALLEL * values[0]]
         pole = complex(poles[cluster].mean())
-        # to one another, as a place to a speed
+        # Coupling within the cluster, as of a velocity to a position.
         passed = basis.conj().T @ balanced @ basis - pole * np.eye(basis.shape[1])
-        rounding = _PASSED * (2.0 * doubt[cluster].max() + SUMMED * abs(pole))
+        rounding = _PASSED * (2.0 * error_bound[cluster].max() + SUMMED * abs(pole))
         passed *= _WEAK / max(rounding, TINY)
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
         for k in np.flatnonzero(cosines <= _WEAK):
@@ -100,11 +100,13 @@ def unmoved(
     return tuple(result)
 
 
-def _clusters(poles: Array, doubt: Array, chosen: Array) -> list[Array]:
-    """Return groups of poles that rounding cannot tell apart, each with at least one of those chosen."""
+def _clusters(poles: Array, error_bound: Array, chosen: Array) -> list[Array]:
+    """Return clusters of poles that coincide to within rounding and contain a chosen pole."""
     left, groups = np.flatnonzero(chosen), []
     while len(left):
         seed = left[0]
-        groups.append(np.flatnonzero(np.abs(poles - poles[seed]) <= doubt + doubt[seed] + SUMMED * np.abs(poles)))
+        groups.append(
+            np.flatnonzero(np.abs(poles - poles[seed]) <= error_bound + error_bound[seed] + SUMMED * np.abs(poles))
+        )
         left = np.setdiff1d(left, groups[-1])
     return groups

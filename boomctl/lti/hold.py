@@ -1,9 +1,8 @@
-"""Held and straight inputs: exact steps of linear systems, and many of them at once.
+"""Exact steps of linear systems for held and linearly interpolated inputs, one by one or in blocks.
 
-A signal that is held or runs straight between its samples moves a linear system exactly from sample to sample; the maps
-of one step are blocks of one matrix exponential, and of two where a held signal changes within the step.  Many steps are
-taken in blocks: :func:`recursion` returns all states, :func:`lifted_motion` the outputs, where products take the place of
-steps.
+For a signal that is held or linear between samples the step of a linear system from sample to sample is exact.  Its maps
+are blocks of one matrix exponential, or of two if a held signal changes within the step.  Many steps are computed in
+blocks: :func:`recursion` returns all states, :func:`lifted_motion` the outputs, with matrix products in place of steps.
 """
 
 from __future__ import annotations
@@ -19,7 +18,7 @@ from boomctl.arrays import Array, balance, blocks
 from boomctl.lti.rounding import EPS
 from boomctl.lti.system import Lti
 
-BLOCK = 64  # steps in a block: the fastest, for systems of some 20 to 50 states
+BLOCK = 64  # Number of steps in a block: the fastest for systems with 20 to 50 states.
 _GROUP = 4  # Least number of steps that one product moves, of large systems: more cost accuracy, fewer cost time.
 _SINGLE_STEPS = 1024  # States times steps up to which each step is one product.
 # Inverse factorials of the Taylor polynomial of exp(X) - I.  Its remainder is below rounding for a norm of X up to 1/2.
@@ -30,13 +29,13 @@ _SCHUR_ROUNDING = 1e5
 
 
 def matrix_expm1(A: Array) -> Array:
-    """Compute ``exp(A) - I`` of a square matrix, each entry to the rounding of the terms it is summed from.
+    """Compute ``exp(A) - I`` of a square matrix, each entry accurate to the rounding error of its terms.
 
     A Taylor polynomial of ``X = A/2^k`` is doubled ``k`` times, ``E <- 2 E + E^2``.  Sums and products of entries alone
-    preserve the zeros of ``A``, so a chain of integrators stays exact; without the unit matrix the increments of slow
-    states keep their digits when fast ones set ``k``.  Scaling a state changes no rounding error: the norm that sets ``k``
-    is that of the balanced matrix, which is not itself used.  ``k`` is at least ``log2 n``, so that entries to which only
-    paths through more states than the degree of the polynomial lead are accurate too.
+    preserve the zeros of ``A``, so a chain of integrators is exact; without the unit matrix the increments of slow
+    states are accurate when fast states determine ``k``.  Scaling a state changes no rounding error: ``k`` depends on the
+    norm of the balanced matrix, which is not used otherwise.  ``k`` is at least ``log2 n``, so that entries that depend only
+    on paths through more states than the degree of the polynomial are accurate too.
 
     Source: Higham (2008), Functions of Matrices, chapter 10.
     """
@@ -62,11 +61,12 @@ def matrix_expm1(A: Array) -> Array:
 
 
 def motion_coordinates(system: Lti) -> tuple[Lti, Array]:
-    """Return a continuous system in coordinates in which its motion keeps its digits, and the map of its states to them.
+    """Return a continuous system in coordinates in which its motion is accurate, and the map of its states to them.
 
-    Powers of a dense matrix with a large departure from normality, as of equal poles, cancel, but not over Schur vectors.
-    A Schur form changes every entry by rounding of the largest one, however, and the effect of a change in a chain of
-    integrators grows with powers of time.  So a matrix with zeros, or with small entries that would change, stays as it is.
+    Powers of a dense matrix with a large departure from normality, as with equal poles, cancel, but not over Schur vectors.
+    A Schur form, however, changes every entry by rounding of the largest one, and the effect of a change in a chain of
+    integrators grows with powers of time.  Therefore a matrix with zeros, or with small entries that would change, is
+    unchanged.
     """
     n = len(system.A)
     A, scale = balance(system.A)
@@ -88,9 +88,9 @@ def zero_order_hold(A: Array, B: Array, step: float) -> tuple[Array, Array]:
 
 
 def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
-    """Return ``Phi, G, H`` of ``x[k+1] = Phi x[k] + G u[k] + H (u[k+1] - u[k])``, exact for inputs straight in between.
+    """Return ``Phi, G, H`` of ``x[k+1] = Phi x[k] + G u[k] + H (u[k+1] - u[k])``, exact for inputs linear in between.
 
-    It is a hold of the inputs' slopes, with the inputs among the states.
+    It is a hold of the derivatives of the inputs, with the inputs as additional states.
     """
     n, m = B.shape
     ramps = blocks([[A, B], [np.zeros((m, n + m))]])
@@ -99,17 +99,17 @@ def linear_hold(A: Array, B: Array, step: float) -> tuple[Array, Array, Array]:
 
 
 def changing(A: Array, B: Array, whole: Array, duration: float, changes: Array) -> tuple[Array, Array]:
-    """Return what inputs add to the state in a while, (n, m): before each changes, and after.
+    """Return the contributions of inputs to the state over a duration, (n, m): before and after each change.
 
     Parameters
     ----------
     A, B : (n, n) and (n, m) ndarray
     whole : (n, m) ndarray
-        What inputs add that are held throughout.
+        Contributions of inputs that are held throughout.
     duration : float
-        [s]
+        Duration [s].
     changes : (m,) ndarray
-        How long after the beginning each input changes [s].
+        Time from the beginning to the change of each input [s].
     """
     before, after = np.zeros_like(whole), np.zeros_like(whole)
     for change in set(changes.tolist()):
@@ -159,7 +159,7 @@ def linear_hold_response(system: Lti, inputs: Array, step: float, start: Array) 
     Returns
     -------
     (p, N) ndarray
-        Exact but for rounding.
+        Exact to within rounding.
     """
     form, to_form = motion_coordinates(system)
     Phi, G, H = linear_hold(form.A, form.B, step)
@@ -173,11 +173,11 @@ class Lifted:
     Attributes
     ----------
     seen : (size, outputs, n) ndarray
-        Outputs within a block per state at its beginning.
+        Outputs within a block per initial state.
     power : (n, n) ndarray
-        State at the end of a block per state at its beginning.
+        Final state of a block per initial state.
     reached : (size, inputs, n) ndarray
-        State at the end of a block per input within it.
+        Final state of a block per input within it.
     pulse : (outputs, inputs, size) ndarray
         Pulse responses.
     """
@@ -204,7 +204,7 @@ class Lifted:
         return padded.reshape(len(U), count, self.size)
 
     def pushed(self, blocks: Array) -> Array:
-        """Return what the inputs add to the state over each block, (blocks, n)."""
+        """Return the contribution of the inputs to the final state of each block, (blocks, n)."""
         inputs, count, size = blocks.shape
         flat = blocks.transpose(1, 2, 0).reshape(count, size * inputs)
         return flat @ self.reached.reshape(size * inputs, self.reached.shape[2])
@@ -234,7 +234,7 @@ def lifted_motion(
 ) -> tuple[Array, Array]:
     """Return ``y = C z + D u`` at each step, (outputs, steps + 1), for ``z+ = Phi z + first u + last u+``, ``z = start``.
 
-    The second value are the states ``z`` at the beginnings of blocks, (blocks, n).  Only these are found one after the other.
+    The second value are the states ``z`` at the beginnings of blocks, (blocks, n).  Only these are computed sequentially.
     """
     Phi, first, last = maps
     G, through = recursion_without_lead(Phi, first, last, C, D)
@@ -249,8 +249,8 @@ def lifted_motion(
 def observability(Phi: Array, C: Array, size: int) -> tuple[Array, Array]:
     """Return ``C Phi^k`` for k below ``size``, (size, outputs, n), and ``Phi^size``.
 
-    Steps follow one another, one by one or in small groups.  Squares of high powers would cancel where powers grow before
-    they decay, as of equal poles in companion form.
+    Steps are computed in sequence, one by one or in small groups.  Squares of high powers would cancel where powers grow
+    before they decay, as with equal poles in companion form.
     """
     outputs, n = C.shape
     length = 1 if n * size <= _SINGLE_STEPS else max(_GROUP, isqrt(size) // 2)

@@ -2,8 +2,8 @@
 
 A system is stable and its H-infinity norm is below a level where some ``P > 0`` satisfies the bounded real lemma,
 ``[A'P + PA + C'C, PB + C'D; ., D'D - level^2] < 0``; of a discrete system its image by the bilinear map does.  ``P`` is the
-solution of a Riccati equation in floats.  How it was found does not matter: the proof is the sign of the inequality (Rump
-2010, Acta Numerica 19).  Likewise a Gramian of controllability, with a little added and taken off, bounds the H2 norm.
+solution of a Riccati equation in floats.  The proof does not depend on its accuracy, only on the sign of the inequality (Rump
+2010, Acta Numerica 19).  A controllability Gramian, shifted by a small multiple in both directions, bounds the H2 norm.
 """
 
 from dataclasses import dataclass
@@ -22,12 +22,12 @@ from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import Lti
 
-PRECISION = 128  # Bits: sums of products of doubles keep twice the digits of a double.
-_CONDITION = 1e10  # Of eigenvectors, beyond which Gramian coordinates take their place: P would have no digits.
-_NEWTON_STEPS = 3  # Of a Riccati solution in floats, and in balls: each doubles its digits.
-_ROOM = 0.2  # Share of the room between peak and level that the terms added to the modes may take.
-_REGULARIZED = 1e-9  # Share of B B' added to all states so that a Gramian of all of them exists.
-_MARGIN = 0.1 * CERTIFIED  # Share of a squared H2 norm by which its Gramian is moved to either side.
+PRECISION = 128  # Bits: sums of products of doubles need twice the precision of a double.
+_CONDITION = 1e10  # Eigenvector condition above which Gramian coordinates are used: P would have no accuracy.
+_NEWTON_STEPS = 3  # Newton steps of a Riccati solution, in floats and in balls; each doubles the accuracy.
+_GAP_FRACTION = 0.2  # Largest fraction of the gap between peak and level for the terms added to the modes.
+_REGULARIZED = 1e-9  # Fraction of |B|^2 added to all states so that the Gramian is positive definite.
+_MARGIN = 0.1 * CERTIFIED  # Fraction of a squared H2 norm by which its Gramian is shifted to either side.
 
 Matrices = tuple[arb_mat, arb_mat, arb_mat, arb_mat]
 
@@ -39,7 +39,7 @@ class Inequality:
     Attributes
     ----------
     A, B, C, D : arb_mat
-        ``W A T``, ``W B``, ``C T`` and ``D`` with ``W`` the inverse of ``T`` but for rounding.
+        ``W A T``, ``W B``, ``C T`` and ``D`` with ``W`` the inverse of ``T`` to within rounding.
     unit : arb_mat
         ``W T``.
     read, through : arb_mat
@@ -67,10 +67,10 @@ class Inequality:
     def of(cls, A: fmpq_mat, B: fmpq_mat, C: fmpq_mat, D: fmpq_mat, dt: float, peak: float) -> "Inequality | None":
         """Return a system of rational matrices, for levels near ``peak``; None without stable poles in floats."""
         flint.ctx.prec = PRECISION
-        given = exact = arb_mat(A), arb_mat(B), arb_mat(C), arb_mat(D)
+        matrices = exact = arb_mat(A), arb_mat(B), arb_mat(C), arb_mat(D)
         try:
             if dt != 0.0:
-                exact = _image(*given, dt)
+                exact = _image(*matrices, dt)
             T, widths = _coordinates(_middles(exact), peak)
             W = np.linalg.inv(T)
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
@@ -80,7 +80,7 @@ class Inequality:
         T_, W_ = _balls(T), _balls(W)
         A_, B_, C_, D_ = W_ * exact[0] * T_, W_ * exact[1], exact[2] * T_, exact[3]
         near = _middles((A_, B_, C_, D_))
-        return cls(A_, B_, C_, D_, W_ * T_, given[2] * T_, given[3], near, widths, dt)
+        return cls(A_, B_, C_, D_, W_ * T_, matrices[2] * T_, matrices[3], near, widths, dt)
 
     def stays_below(self, level: float, peak: float) -> bool:
         """Return whether it is proved that the system is stable and its H-infinity norm is below a level.
@@ -92,22 +92,22 @@ class Inequality:
         if P is None:
             return False
         n, m = self.near.B.shape
-        moved, read = _beside(self.A, self.B), _beside(self.C, self.D)
-        held = _beside(self.unit, arb_mat(n, m)).transpose() * (P * moved)
+        moved, read = _hstack(self.A, self.B), _hstack(self.C, self.D)
+        held = _hstack(self.unit, arb_mat(n, m)).transpose() * (P * moved)
         S = -1 * (held + held.transpose() + read.transpose() * read)
         for k in range(n, n + m):
             S[k, k] += arb(level) * arb(level)
         return _positive(P) and _positive(S)
 
     def _storage(self, level: float, peak: float) -> arb_mat | None:
-        """Return a solution of the Riccati equation halfway between peak and level, with more to each mode; None without one.
+        """Return a solution of the Riccati equation midway between peak and level, with regularized modes; None without one.
 
         With ``eps_i`` added to ``C'C`` of a mode scaled to ``|b_i|^2 = s_i peak``, the square of the norm grows by at most
         ``sum_i eps_i |b_i|^2/s_i^2``.
         """
         A, B, C, D = self.near.A, self.near.B, self.near.C, self.near.D
         n, m = B.shape
-        added = np.diag(_ROOM * (level / peak - 1.0) * self.widths * peak / n)
+        added = np.diag(_GAP_FRACTION * (level / peak - 1.0) * self.widths * peak / n)
         gap = (peak + 0.5 * (level - peak)) ** 2 * np.eye(m) - D.T @ D
         try:
             inverse = np.linalg.inv(gap)
@@ -130,7 +130,7 @@ class Inequality:
         return P
 
     def gain(self, omega: float) -> arb:
-        """Return a gain in one direction near a frequency [rad/s], enclosed: the largest but for rounding, never above it."""
+        """Return a gain in one direction near a frequency [rad/s], enclosed: the largest but for rounding, not above it."""
         flint.ctx.prec = PRECISION
         G, s = acb_mat(self.D), acb(0, float(image_of_omega(omega, self.dt)))
         if s.is_finite():
@@ -141,7 +141,7 @@ class Inequality:
         return enclosed_gain(G) if all(x.is_finite() for x in G.entries()) else arb(0)
 
     def is_stable(self) -> bool:
-        """Return whether it is proved that all poles decay: by the Gramian of states that are excited by their decay."""
+        """Return whether stability is proved, by the Gramian of states that are excited by their decay rates."""
         flint.ctx.prec = PRECISION
         try:
             S = _balls(self._gramian(np.diag(np.sqrt(self.widths))))
@@ -158,12 +158,12 @@ class Inequality:
         return held + held.transpose()
 
     def energy(self) -> tuple[float, float]:
-        """Return two bounds of the H2 norm of a system without feedthrough in continuous time.
+        """Return lower and upper bound of the H2 norm of a system without feedthrough in continuous time.
 
         Raises
         ------
         UndecidedError
-            The inequalities do not hold.
+            If the inequalities do not hold.
         """
         flint.ctx.prec = PRECISION
         read = _middle(self.read)
@@ -171,12 +171,12 @@ class Inequality:
             P, S = self._gramian(self.near.B), self._gramian(np.diag(np.sqrt(self.widths)))
         except (np.linalg.LinAlgError, ValueError):
             raise UndecidedError from None
-        square, share = float(np.sum((read @ P) * read)), float(np.sum((read @ S) * read))
-        if not (0.0 < square < inf and 0.0 < share < inf):
+        square, shift = float(np.sum((read @ P) * read)), float(np.sum((read @ S) * read))
+        if not (0.0 < square < inf and 0.0 < shift < inf):
             raise UndecidedError
         result = []
         for sign in (-1, 1):
-            moved = _balls(P) + _balls(sign * _MARGIN * square / share * S)
+            moved = _balls(P) + _balls(sign * _MARGIN * square / shift * S)
             left = self._change(moved) + self.B * self.B.transpose()
             if not _positive(-sign * left) or (sign > 0 and not _positive(moved)):
                 raise UndecidedError
@@ -187,7 +187,7 @@ class Inequality:
 
 
 def enclosed_gain(G: acb_mat) -> arb:
-    """Return the gain of a matrix in one direction, enclosed: the largest but for rounding, never above it."""
+    """Return the gain of a matrix in one direction, enclosed: the largest to within rounding, never above it."""
     middle = np.array([complex(x) for x in G.entries()]).reshape(G.nrows(), G.ncols())
     v = acb_mat([[acb(x.real, x.imag)] for x in np.linalg.svd(middle)[2][0].conj().tolist()])
     moved, unit = (sum((abs(x) ** 2 for x in vector.entries()), arb(0)) for vector in (G * v, v))
@@ -241,7 +241,7 @@ def _positive(S: arb_mat) -> bool:
     return all(sum((abs(x) for x in row), arb(0)) < 1 for row in product.tolist())
 
 
-def _beside(left: arb_mat, right: arb_mat) -> arb_mat:
+def _hstack(left: arb_mat, right: arb_mat) -> arb_mat:
     return arb_mat([one + other for one, other in zip(left.tolist(), right.tolist(), strict=True)])
 
 

@@ -1,8 +1,8 @@
-"""Integrators and rigid bodies told by structure: poles at zero (``z = 1``) with their Jordan chains, deflated step by step.
+"""Integrators and rigid bodies identified by structure: poles at zero (``z = 1``) and their Jordan chains, by deflation.
 
-An eigenvalue solver moves a chain of ``k`` poles at zero by the ``k``-th root of rounding, and one beside slow poles by
-rounding over their distance, so that its poles do not tell.  What tells is whether ``A`` is singular to within the
-rounding of its own entries: then the vectors that ``A`` takes to zero are split off, and the rest is asked again.
+An eigenvalue solver perturbs a chain of ``k`` poles at zero by the ``k``-th root of the rounding error, and a pole near slow
+poles by the rounding error over their distance, so computed poles do not identify integrators.  The criterion is that ``A``
+is singular to within the rounding error of its entries.  Its null space is then deflated, and the remainder is tested again.
 """
 
 from dataclasses import dataclass
@@ -14,32 +14,32 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import CANCELLED, EPS
 from boomctl.lti.system import Lti
 
-# share of the largest pole below which a simple pole may be one at zero beside other slow ones (a choice)
+# Fraction of the largest pole below which a simple pole may be a pole at zero near other slow poles.
 _RIGID = 1e-6
-_SPREAD = 10.0  # times the root of rounding, of the norm of A, that poles of a chain may lie apart (a choice)
+_SPREAD = 10.0  # Largest spread of the poles of a chain, in units of the k-th root of rounding times the norm of A.
 
 
 @dataclass(frozen=True)
 class SpectralParts:
-    """A system as the sum of two.
+    """A system as the sum of two subsystems.
 
     Attributes
     ----------
     rest : Lti
         With ``D``.
-    kept : Lti
+    retained : Lti
         The part that is split off, without ``D``.
-    doubt : float
-        How far rounding may have moved the entries of the rest's ``A``, to first order; 0 where nothing was split.
+    error_bound : float
+        First-order bound on the rounding error of the entries of ``rest.A``; 0 if nothing was split.
     """
 
     rest: Lti
-    kept: Lti
-    doubt: float
+    retained: Lti
+    error_bound: float
 
     @classmethod
     def whole(cls, system: Lti) -> "SpectralParts":
-        """Return a system of which nothing is split off."""
+        """Return a system from which nothing is split off."""
         B, C = system.B[:0], system.C[:, :0]
         return cls(system, Lti(np.zeros((0, 0)), B, C, np.zeros_like(system.D), dt=system.dt), 0.0)
 
@@ -58,22 +58,22 @@ class SpectralParts:
 
 
 def without_integrators(system: Lti) -> SpectralParts:
-    """Return a system as the sum of its integrators, Jordan chains whole, and all else.
+    """Return a system as the sum of its integrators, with complete Jordan chains, and the remainder.
 
-    What is kept has an upper triangular ``A`` with zeros, in discrete time ones, on its diagonal.
+    The integrators have an upper triangular ``A`` with zeros on its diagonal, in discrete time ones.
     """
     n, one = len(system.A), 0.0 if system.dt == 0.0 else 1.0
     scaled = system.balanced()
     T, Z, size, count, carried = scaled.A - one * np.eye(n), np.eye(n), np.abs(scaled.A), 0, 0.0
-    if one:  # what sampling makes of small entries are sums of terms as large as the largest
+    if one:  # Sampled small entries are sums of terms as large as the largest.
         size[:] = size.max(initial=0.0)
     while count < n:
         U, values, Vt = linalg.svd(T[count:, count:])
-        doubt = n * CANCELLED * ((np.abs(U).T @ size[count:, count:]) * np.abs(Vt)).sum(axis=1)
-        null = values <= doubt + EPS * values[0] + carried
+        error_bound = n * CANCELLED * ((np.abs(U).T @ size[count:, count:]) * np.abs(Vt)).sum(axis=1)
+        null = values <= error_bound + EPS * values[0] + carried
         if not null.any():
             break
-        if not null.all():  # vectors are off by so much, and what is left
+        if not null.all():  # Errors of the null vectors, and of the remainder.
             carried += float(values[0] * values[null].max() / values[~null].min())
         Q = np.eye(n)
         Q[count:, count:] = Vt[null.argsort()[::-1]].T

@@ -1,4 +1,4 @@
-"""A nonlinear machine in the modes of its linear part, as a loop sees it: what plants offer, and methods take."""
+"""A nonlinear machine in the modes of its linear part: the interface between plants and simulation methods."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class MachineModes:
-    """Equations ``z'' + Omega^2 z = r(z, z', u)`` in m coordinates, and what is measured.
+    """Equations ``z'' + Omega^2 z = r(z, z', u)`` in m coordinates, and the outputs.
 
     Attributes
     ----------
     input_labels, output_labels, state_labels : tuple of str
-        Names of u, of what is measured, and of the states: of a hub-beam those of ``to_nlsys()``.
+        Names of the inputs u, the outputs and the states; of a hub-beam those of ``to_nlsys()``.
     omega : ndarray, m
-        Frequencies, rad/s; that of a rigid motion is 0.
+        Frequencies, rad/s; 0 for a rigid-body motion.
     decay : float
-        Largest rate at which damping, which is in r, takes a rate away, 1/s.
+        Largest decay rate of a velocity by the damping, which is in r, 1/s.
     push : ndarray, m x inputs
-        What each input does to each mode at rest.
+        Modal participation of each input at rest.
     to_state, from_state : ndarray, 2 m x 2 m
-        State from modal coordinates and rates, and back.
+        Transformation from modal coordinates and rates to the state, and its inverse.
     rest : casadi.Function
         ``(z and z', u) -> r``.
     read : casadi.Function
         ``(z and z', u) -> outputs, margin``; beyond the model's range, where the mass matrix is not positive definite, the
         margin is not above zero.
-    judged : casadi.Function
-        ``(z and z') -> displacements`` [m], by which an error is judged: of a hub-beam radius of the free end times hub
-        angle, and the free end's displacement.
+    displacements : casadi.Function
+        ``(z and z') -> displacements`` [m] in which an error is measured: of a hub-beam the radius of the free end times
+        the hub angle, and the displacement of the free end.
     units : mapping from signal to str
-        Of inputs, outputs and sensors, as far as they are known.
+        Known units of inputs, outputs and sensors.
     """
 
     input_labels: tuple[str, ...]
@@ -50,5 +50,5 @@ class MachineModes:
     from_state: Array
     rest: casadi.Function
     read: casadi.Function
-    judged: casadi.Function
+    displacements: casadi.Function
     units: Mapping[str, str]

@@ -1,7 +1,7 @@
 """Poles on either side of the imaginary axis, state space in modal coordinates, and block-diagonal forms.
 
-What counts as undamped is decided here, once: :func:`side_of_axis`.  By it a system splits into a part that decays and
-a part that is kept as it is (unstable, undamped, rigid-body).
+:func:`side_of_axis` defines which poles count as undamped.  It separates a system into a stable part, which may be reduced,
+and a part that is retained unchanged (unstable, undamped, rigid-body).
 
 A lightly damped mode is well conditioned in its own coordinates: its Gramians are nearly diagonal there, while in any
 other coordinates they are sums of numbers that nearly cancel.
@@ -21,50 +21,49 @@ from boomctl.lti.system import Lti, parallel, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
-# poles of undamped structures (measured: booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have
-# 1e-4 and more.
+# poles of undamped structures (booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have 1e-4 and more.
 UNDAMPED = 1e-10
-_CLUSTER = 10.0  # poles of such a block differ in size by less than this factor (a choice)
-_BLOCK_NOISE = 1e2 * EPS  # share of the fastest pole that belongs to such a block in any case
-_CONDITION = 1e9  # of the eigenvectors: modal coordinates of a worse one keep fewer than seven digits
-_CLUSTERED = 1e6  # times rounding, whose root times the norm of A is the distance of poles in a cluster
-_OFF = 1e-3  # of the radius of a cluster, up to which its mean lies on the boundary
-_MAPPED = 16.0  # roundings of a mode on its way to its image
+_CLUSTER = 10.0  # Largest ratio of the magnitudes of poles in such a block.
+_BLOCK_NOISE = 1e2 * EPS  # Fraction of the fastest pole below which a pole belongs to such a block in any case.
+_CONDITION = 1e9  # Largest eigenvector condition of modal coordinates; leaves 7 significant digits.
+_CLUSTERED = 1e6  # Multiple of rounding whose k-th root times the norm of A limits the spacing of k poles in a cluster.
+_OFF = 1e-3  # Fraction of the radius of a cluster up to which its mean is on the boundary.
+_MAPPED = 16.0  # Rounding operations that map a mode to its image.
 
 
-def side_of_axis(poles: Array, doubt: Array | float = 0.0) -> Array:
-    """Return on which side of the imaginary axis poles lie: -1 decays, 1 is unstable, 0 is undamped.
+def side_of_axis(poles: Array, error_bound: Array | float = 0.0) -> Array:
+    """Return the side of the imaginary axis of each pole: -1 for stable, 1 for unstable, 0 for undamped.
 
-    Undamped is what lies on the axis or cannot be told from it: a relative damping of at most ``UNDAMPED``; next to
-    nothing beside the fastest pole (an integrator); unstable by less than rounding may have moved it.
+    A pole is undamped if it is on the axis to within rounding error: if its damping ratio is at most ``UNDAMPED``, if it is
+    negligible relative to the fastest pole (an integrator), or if it is unstable by less than its rounding error.
 
     Parameters
     ----------
     poles : (n,) complex ndarray
-    doubt : float or (n,) ndarray
-        How far rounding may have moved a pole [rad/s], where that is known; within it a pole counts as undamped.
+    error_bound : float or (n,) ndarray
+        Bound on the rounding error of a pole [rad/s], 0 if unknown; within it a pole counts as undamped.
     """
     size = np.abs(poles)
     fastest = size.max(initial=0.0)
-    margin = np.maximum(UNDAMPED * size, doubt)
+    margin = np.maximum(UNDAMPED * size, error_bound)
     side = np.zeros(len(poles), dtype=int)
-    # a pole may be rounding of one at zero, and rounding may have moved one to the right
+    # A pole may be a pole at zero to within rounding error, or be moved to the right by rounding error.
     side[(poles.real < -margin) & (size > DIGIT * fastest)] = -1
     side[poles.real > np.maximum(margin, SOLVED * fastest)] = 1
     return side
 
 
-def sides(poles: Array, dt: float, doubt: Array | float = 0.0) -> Array:
-    """Return on which side of the boundary of stability poles lie, as :func:`side_of_axis` says it.
+def sides(poles: Array, dt: float, error_bound: Array | float = 0.0) -> Array:
+    """Return the side of the stability boundary of each pole, see :func:`side_of_axis`.
 
-    In discrete time the boundary is the unit circle; what is nearer to it than rounding moves a pole of size one is undamped.
+    In discrete time the boundary is the unit circle; poles at it to within rounding of a pole of magnitude one are undamped.
     """
     if dt == 0.0:
-        return side_of_axis(poles, doubt)
+        return side_of_axis(poles, error_bound)
     rates = rates_of(poles, dt)
-    # a pole at z = 0 has an infinite rate, and is not told from one that rounding leaves there
+    # A pole at z = 0 has an infinite rate, and equals any pole there to within rounding error.
     side = side_of_axis(np.maximum(rates.real, np.log(EPS) / dt) + 1j * rates.imag)
-    side[np.abs(np.abs(poles) - 1.0) <= np.maximum(CANCELLED, doubt)] = 0
+    side[np.abs(np.abs(poles) - 1.0) <= np.maximum(CANCELLED, error_bound)] = 0
     return side
 
 
@@ -75,7 +74,7 @@ def transmission_zeros(system: Lti) -> Array:
     n, (p, m) = len(system.A), system.D.shape
     if not n:
         return np.zeros(0, complex)
-    # slycot's own length of the work array is too small for many signals of few states
+    # slycot's default length of the work array is too small for many signals of few states
     result = ab08nd(n, m, p, system.A, system.B, system.C, system.D, ldwork=n + 4 * max(m, p, 1))
     E, F = (matrix[: result[0], : result[0]] for matrix in result[8:10])
     zeros = linalg.eigvals(E, F).astype(complex)
@@ -83,7 +82,7 @@ def transmission_zeros(system: Lti) -> Array:
 
 
 def boundary_sides(system: Lti) -> Array:
-    """Return on which side of the boundary of stability poles lie, as :func:`sides` does, clusters as one.
+    """Return the side of the stability boundary of each pole, as :func:`sides` does, with clusters as one pole.
 
     Rounding moves a pole of multiplicity ``k`` by the ``k``-th root of its own size, on a circle around it.  A cluster of
     poles lies on the boundary if its mean does and ``A`` less that point is singular to within rounding.
@@ -100,8 +99,8 @@ def boundary_sides(system: Lti) -> Array:
     if len(points) < 2:
         return side
     norm, members = float(np.linalg.norm(A)), [[k] for k in range(len(A))]
-    apart = np.abs(points[:, None] - points)[np.triu_indices(len(A), 1)]
-    for first, second, distance, _ in hierarchy.linkage(apart, "single"):
+    distances = np.abs(points[:, None] - points)[np.triu_indices(len(A), 1)]
+    for first, second, distance, _ in hierarchy.linkage(distances, "single"):
         chosen = members[int(first)] + members[int(second)]
         members.append(chosen)
         point = _on_boundary(poles[chosen].mean(), dt)
@@ -122,7 +121,7 @@ def _on_boundary(poles: Any, dt: float) -> Any:
 
 
 def resolved(poles: Array) -> Array:
-    """Return which poles are so fast beside the fastest that their frequency is worth a look."""
+    """Return which poles are accurate: those not negligible relative to the fastest."""
     size = np.abs(poles)
     return size > SOLVED * size.max(initial=0.0)
 
@@ -131,7 +130,7 @@ def resolved(poles: Array) -> Array:
 class ModalSystem:
     """A system in modal coordinates, ``y = C z + D u``, ``z' = diag(poles) z + B u``.
 
-    Conjugate poles stand side by side, the one of positive imaginary part first.
+    Conjugate poles are adjacent, with the positive imaginary part first.
     """
 
     poles: Array
@@ -174,7 +173,7 @@ class ModalSystem:
 
     @cached_property
     def terms(self) -> Array:
-        """What each mode adds to the response times its distance from the frequency, (modes, entries of ``D``)."""
+        """Residue of each mode: its response times its distance from the frequency, (modes, entries of ``D``)."""
         return (self.C.T[:, :, None] * self.B[:, None, :]).reshape(len(self.poles), self.D.size)
 
     def shares(self, omega: Array) -> Array:
@@ -183,9 +182,9 @@ class ModalSystem:
 
 
 def partial_fractions(system: Lti) -> ModalSystem:
-    """Return a system in the coordinates of its eigenvectors, however few digits these have.
+    """Return a system in the coordinates of its eigenvectors, whatever their accuracy.
 
-    Its response is fast to evaluate, and exact enough to see where the peaks are.
+    Its response is fast to evaluate, and accurate enough to locate the peaks.
     """
     poles, reads, right = system.eigensystem
     with np.errstate(over="ignore", invalid="ignore"):  # equal poles in a chain have no eigenvectors of their own
@@ -193,11 +192,11 @@ def partial_fractions(system: Lti) -> ModalSystem:
 
 
 def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSystem, float]:
-    """Return the image of discrete modes that decay under the bilinear map, and how much rounding may change of a response.
+    """Return the image of stable discrete modes under the bilinear map, and a bound on the rounding error of the response.
 
     With ``w = g (z - 1)/(z + 1)``, ``g = 2/dt``, a mode ``r/(z - pole)`` is ``2 g r/(1 + pole)^2 / (w - p)`` at the pole's
-    own image ``p``, less ``r/(1 + pole)``.  An image that is off by a rounding is that of a pole that is off by no more.
-    Without ``dt`` they stay.
+    own image ``p``, less ``r/(1 + pole)``.  The error of an image by one rounding corresponds to no larger error of the pole.
+    If ``dt`` is 0, they are unchanged.
     """
     if dt == 0.0:
         return modes, 0.0
@@ -211,9 +210,9 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 
 
 def diagonalized(system: Lti) -> ModalSystem | None:
-    """Return a system in modal coordinates, or None where it has no well-conditioned ones.
+    """Return a system in modal coordinates, or None if the eigenvectors are ill-conditioned.
 
-    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length: Gramians keep their digits.
+    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length, which keeps Gramians accurate.
     """
     poles, reads, right = system.eigensystem
     if not (np.isfinite(reads).all() and np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(poles)):
@@ -230,32 +229,32 @@ def diagonalized(system: Lti) -> ModalSystem | None:
 
 
 def spectral_parts(system: Lti) -> SpectralParts:
-    """Return the stable part (with ``D``) and the kept part (unstable, undamped, rigid-body; without ``D``).
+    """Return the stable part (with ``D``) and the retained part (unstable, undamped, rigid-body; without ``D``).
 
-    Integrators and rigid bodies go first, by structure (:func:`without_integrators`).  Other Jordan blocks stay whole:
-    poles near zero go with a kept one there.
+    Integrators and rigid bodies are separated first, by structure (:func:`without_integrators`).  Other Jordan blocks are not
+    divided: poles near zero are retained with a retained pole there.
 
     Raises
     ------
     ValueError
-        The two parts cannot be told apart.
+        If the two parts coincide to within rounding.
     """
     chain = without_integrators(system)
     poles, dt = chain.rest.poles, system.dt
-    kept, size = sides(poles, dt) >= 0, np.abs(poles - (dt != 0.0))
-    if not kept.any():
+    retained, size = sides(poles, dt) >= 0, np.abs(poles - (dt != 0.0))
+    if not retained.any():
         return chain
-    near = kept & (size <= ROOT * size.max())
+    near = retained & (size <= ROOT * size.max())
     if near.any():
-        kept |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
-    parts = split(chain.rest, kept, "unstable, undamped or rigid-body poles")
-    return SpectralParts(parts.rest, parallel(chain.kept, parts.kept), chain.doubt + parts.doubt)
+        retained |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
+    parts = split(chain.rest, retained, "unstable, undamped or rigid-body poles")
+    return SpectralParts(parts.rest, parallel(chain.retained, parts.retained), chain.error_bound + parts.error_bound)
 
 
 def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:
-    """Return a system as the sum of a part kept, which has the poles chosen, and the rest.
+    """Return a system as the sum of a retained part, which has the chosen poles, and the rest.
 
-    By an ordered Schur form and a Sylvester equation.
+    Computed by an ordered Schur form and a Sylvester equation.
 
     Parameters
     ----------
@@ -263,12 +262,12 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:
     chosen : (n,) ndarray of bool
         Which of ``system.poles``.
     what : str
-        What a message calls the poles chosen.
+        Name of the chosen poles in a message.
 
     Raises
     ------
     ValueError
-        The poles chosen lie too close to others.
+        If the chosen poles are too close to others.
     """
     ours, others = system.poles[chosen], system.poles[~chosen]
 
@@ -279,19 +278,18 @@ def split(system: Lti, chosen: Array, what: str = "poles") -> SpectralParts:
     T, Z, count = linalg.schur(system.A, output="real", sort=first)  # type: ignore[misc]
     if count != len(ours):
         raise ValueError(
-            f"{len(ours)} {what} do not separate from the others ({count} found in the Schur form): "
-            "too close to tell them apart"
+            f"{len(ours)} {what} do not separate from the others ({count} found in the Schur form): they are too close"
         )
     return SpectralParts.of(system, T, Z, count)
 
 
 def residualised(system: Lti, count: int) -> Lti:
-    """Return the first ``count`` states with the others at rest, ``x2' = 0`` or ``x2+ = x2``: the static gain is kept.
+    """Return the first ``count`` states with the others at rest, ``x2' = 0`` or ``x2+ = x2``: the static gain is preserved.
 
     Raises
     ------
     numpy.linalg.LinAlgError
-        The others have no static answer (an integrator among them).
+        If the others have no static response, as an integrator.
     """
     r, A, B, C, D = count, system.A, system.B, system.C, system.D
     if r >= len(A):
@@ -313,7 +311,8 @@ def block_diagonal(A: Array, condition: float | None = None) -> tuple[Array, Arr
     A : (n, n) ndarray
         Real.
     condition : float, optional
-        Largest condition of the columns; the blocks are the smallest that it allows. By default half of all digits are left.
+        Largest condition of the columns; the blocks are the smallest that it allows. By default half of the
+        accuracy is preserved.
     """
     from boomctl.lti.python_control import control
 

@@ -1,18 +1,17 @@
-"""Proofs about linear systems whose entries, the doubles given, are taken as exact.
+"""Proofs about linear systems whose entries, doubles, are treated as exact.
 
 The response is a quotient of polynomials with rational coefficients, ``G = N/a``; of a discrete system that of its continuous
-image ``z = (1 + s)/(1 - s)``.  What is asked is then a question about roots, which ball arithmetic isolates (python-flint),
+image ``z = (1 + s)/(1 - s)``.  Each property is then a statement about roots, which ball arithmetic isolates (python-flint),
 or about a linear equation, whose solution it encloses:
 
-- stability: no root of ``a`` lies to the right of the axis; those on it are common to ``a(s)`` and ``a(-s)``;
+- stability: no root of ``a`` is to the right of the axis; roots on it are common to ``a(s)`` and ``a(-s)``;
 - a norm below a level: no ``s = j omega`` is a root of ``det(level^2 - G(-s)^T G(s))``, whose fractions are cleared by
-  Bareiss's elimination, begun with ``a(s) a(-s)`` in place of one;
+  Bareiss's elimination, with ``a(s) a(-s)`` in place of one as the first pivot;
 - an H2 norm: ``a(s) x(-s) + a(-s) x(s) = sum N_ij(s) N_ij(-s)``; its square is the quotient of the first coefficients of
   ``x`` and ``a`` (Astrom, Jury & Agniel 1970).
 
-Nothing is rounded before the roots are isolated, so that repeated, hidden and nearly undamped poles are no special cases.
-What is proved is true of the numbers as they are stored; whether the last digit of an entry would change it is another
-question.
+Nothing is rounded before the roots are isolated, so that repeated, unobservable and nearly undamped poles need no special
+treatment.  A proof holds for the stored numbers; it does not consider perturbations of their last digit.
 """
 
 from collections.abc import Callable
@@ -42,15 +41,15 @@ from boomctl.lti.inequality import PRECISION, Inequality, enclosed_gain
 from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed, parallel
 
-_MOST_BITS = 2**15  # beyond which no enclosure is tried: far above what stored doubles need (measured: 1,500)
-_DIGITS = 2.0**-44  # relative width of an enclosure that is worth no more bits: below what any certificate states
+_MOST_BITS = 2**15  # Limit on the precision of an enclosure [bits]; stored doubles need far less.
+_DIGITS = 2.0**-44  # Relative width at which an enclosure is accepted; below the accuracy of any certificate.
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
 class Exact:
-    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and what a proof of it may take.
+    """``x' = A x + B u``, ``y = C x + D u`` (in discrete time ``x+``) of rational numbers, and the work limit of a proof.
 
     Attributes
     ----------
@@ -58,7 +57,7 @@ class Exact:
     dt : float
         Sampling time [s]; 0 in continuous time.
     work : Work
-        Operations until it is given up.
+        Limit on the operations of a proof.
     """
 
     A: fmpq_mat
@@ -69,15 +68,15 @@ class Exact:
     work: Work = field(default_factory=lambda: Work(inf))
 
     @classmethod
-    def of(cls, given: System, operations: float = inf, minus: Lti | None = None) -> "Exact":
-        """Return a system as it is stored, a loop as its parts, or what differs from a system of like signals.
+    def of(cls, system: System, operations: float = inf, minus: Lti | None = None) -> "Exact":
+        """Return a stored system, a closed loop of its subsystems, or the difference from a system of the same signals.
 
-        What is asked of it takes so many operations, or is undecided.
+        A property that needs more than ``operations`` is undecided.
         """
-        if isinstance(given, Lti):
-            M = _rational(given)
+        if isinstance(system, Lti):
+            M = _rational(system)
         else:
-            plant, K = _rational(given.plant), _rational(given.controller)
+            plant, K = _rational(system.plant), _rational(system.controller)
             p, m = len(plant.C) - K.B.shape[1], plant.B.shape[1] - len(K.C)
             once = np.diag(np.full(len(K.C), fmpq(1))) - K.D @ plant.D[p:, m:]
             M = closed(plant, K, np.array(rational_matrix(once).inv().tolist()).reshape(once.shape))
@@ -96,7 +95,7 @@ class Exact:
 
     @property
     def is_large(self) -> bool:
-        """Whether polynomials take too long where an inequality does not decide."""
+        """True if polynomials take too long where an inequality does not decide."""
         return self.A.nrows() > EXACT_STATES
 
     def inequality(self, peak: float) -> Inequality | None:
@@ -106,7 +105,7 @@ class Exact:
 
     @property
     def bits(self) -> int:
-        """The size of the largest number that what was asked rests on, in binary digits."""
+        """Size of the largest number on which the results depend, in binary digits."""
         exact = "characteristic" in self.__dict__
         return int(self.characteristic.numer().height_bits()) if exact else PRECISION
 
@@ -156,11 +155,11 @@ class Exact:
 
     @cached_property
     def sides(self) -> tuple[int, list[complex], list[complex]]:
-        """How many poles lie to the right of the axis (outside the circle); if none, those on it, and those that show."""
+        """Number of unstable poles; if zero, the poles on the stability boundary, and the poles of the response there."""
         p = self.characteristic
         both = _symmetric(p)
         decided = [root for root, count in self._roots(p / both) for _ in range(count)]
-        # of a root with its mirror image, both lie on the axis or one to the right of it
+        # A root and its mirror image are both on the axis, or one of them is to the right of it.
         squares = _squares(both)
         right = sum(1 for root in decided if root.real > 0) + squares.degree() - len(self._positive(squares))
         lost = self.A.nrows() - p.degree() if self.dt else 0
@@ -172,17 +171,17 @@ class Exact:
 
     @property
     def slowest(self) -> complex:
-        """The pole that grows most, in discrete time the largest, for messages."""
+        """The most unstable pole, in discrete time the largest, for messages."""
         return max(eigenvalues(self.A, self.work).tolist(), key=abs if self.dt else lambda pole: pole.real)
 
     def _on_axis(self, p: fmpq_poly) -> list[complex]:
-        """Return the roots of a polynomial that lie all on the axis; of a discrete system those on the circle."""
+        """Return the roots of a polynomial that are all on the axis; of a discrete system those on the circle."""
         omega = [float(x) ** 0.5 for x in self._positive(_squares(p))]
         s = [0j] * (p.degree() - 2 * len(omega)) + [side * 1j * w for w in omega for side in (1, -1)]
         return [(1.0 + x) / (1.0 - x) for x in s] if self.dt else s
 
     def _roots(self, p: fmpq_poly) -> list[tuple[acb, int]]:
-        """Return the roots of a polynomial without any on the axis, to as many digits as tell on which side each lies."""
+        """Return the roots of a polynomial without any on the axis, so accurately that the side of each is certain."""
         return self._enclosed(
             lambda: isolated_roots(p, self.work),
             lambda roots: all(root.real > 0 or root.real < 0 for root, _ in roots),
@@ -191,20 +190,22 @@ class Exact:
     def _positive(self, p: fmpq_poly) -> list[arb]:
         """Return the positive roots of a polynomial that has none at zero, in ascending order, as often as they occur."""
 
-        def told(root: acb) -> bool:
+        def is_decided(root: acb) -> bool:
             side = root.real if root.imag == 0 else root.imag
             return side > 0 or side < 0
 
-        roots = self._enclosed(lambda: isolated_roots(p, self.work), lambda roots: all(told(root) for root, _ in roots))
+        roots = self._enclosed(
+            lambda: isolated_roots(p, self.work), lambda roots: all(is_decided(root) for root, _ in roots)
+        )
         real = [root.real for root, count in roots if root.imag == 0 for _ in range(count)]
         return sorted((x for x in real if x > 0), key=float)
 
     def crossings(self, level: float, inside: float = 1.0) -> tuple[list[arb], bool]:
-        """Return where a singular value equals the level, and whether all are below it at one frequency.
+        """Return the frequencies at which a singular value equals the level, and whether all are below it at one frequency.
 
-        The places are ``omega^2`` in ascending order, of the image in discrete time, zero and infinity left out.  Below it
-        they stay if there are none, and they do so at one frequency, ``omega^2 = inside``, where all leading minors are then
-        positive.
+        The crossings are ``omega^2`` in ascending order, of the image in discrete time, without zero and infinity.  All
+        singular values are below the level if there are none, and if they are so at one frequency, ``omega^2 = inside``,
+        where all leading minors are then positive.
         """
         a, N = self.whole  # each minor of G has the denominator a, so that divisions come out even
         hidden = _symmetric(a)
@@ -226,15 +227,15 @@ class Exact:
                 for j in range(k + 1, len(rows)):
                     left[i][j] = (pivot * left[i][j] - left[i][k] * left[k][j]) / minors[-1]
             minors.append(pivot)
-        # poles on the axis do not show: minors are zero there, as often as aa is
+        # Poles on the axis cancel from the response: minors are zero there, with the multiplicity of aa.
         minors = [minor / (hidden * _flipped(hidden)) for minor in minors[1:]]
-        places, at = self._positive(_squares(minors[-1])), fmpq(*inside.as_integer_ratio())
-        return places, all(
+        crossings, at = self._positive(_squares(minors[-1])), fmpq(*inside.as_integer_ratio())
+        return crossings, all(
             fmpq_poly([-x if k % 2 else x for k, x in enumerate(p.coeffs()[::2])])(at) > 0 for p in minors
         )
 
     def gain(self, square: float) -> arb:
-        """Return a gain in one direction at ``omega^2``, which may be infinite, enclosed: the largest but for rounding."""
+        """Return a gain in one direction at ``omega^2``, which may be infinite, enclosed: the largest to within rounding."""
         a, N = self.response
         n = a.degree()
 
@@ -250,7 +251,7 @@ class Exact:
         return self._enclosed(value, _is_narrow)
 
     def norm(self, square: float, band: tuple[float, float] = (0.0, inf)) -> tuple[float, float, float]:
-        """Return two bounds of the H-infinity norm of a stable system and ``omega^2`` of the peak, from a guess of it.
+        """Return bounds on the H-infinity norm of a stable system and ``omega^2`` of the peak, from an estimate of it.
 
         With ``band``, two values of ``omega^2``, the largest singular value between these.
         """
@@ -259,20 +260,20 @@ class Exact:
         through = (
             np.array([[float(entry[n] / a[n]) for entry in row] for row in N]) if high == inf else np.zeros((1, 1))
         )
-        asked = {low, *(x for x in (square, high) if low <= x <= high and x < inf)}
+        squares = {low, *(x for x in (square, high) if low <= x <= high and x < inf)}
         peak, at = max(
-            (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in asked)
+            (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in squares)
         )
         inside = 0.5 * (low + high) if high < inf else low + 1.0
         for _ in range(RAISED):
             level = max(peak * (1.0 + LEVEL), TINY)
             if not level < inf:  # larger than any float
                 raise UndecidedError
-            places, stays = self.crossings(level, inside)
-            reached = [x for x in map(float, places) if low < x < high]
+            crossings, stays = self.crossings(level, inside)
+            reached = [x for x in map(float, crossings) if low < x < high]
             if stays and not reached:
                 return peak, level, at
-            # the level is reached: at these frequencies, or everywhere
+            # The level is reached at these frequencies, or everywhere.
             reached = reached or [inside]
             ends = max(low, 0.25 * reached[0]), min(high, 4.0 * reached[-1])
             between = [(x * y) ** 0.5 for x, y in pairwise([ends[0], *reached, ends[1]])]
@@ -280,7 +281,7 @@ class Exact:
         raise UndecidedError
 
     def check_norm(self) -> None:
-        """Raise `UndecidedError` if a norm takes more operations than are left, before any of them is spent."""
+        """Raise `UndecidedError` if a norm needs more operations than remain, before it is computed."""
         p, m = self.D.nrows(), self.D.ncols()
         self.work.check_entries(self.A.nrows(), p * m + min(p, m) ** 2)
 
@@ -299,8 +300,8 @@ class Exact:
         right = fmpq_mat([[total[2 * k]] for k in range(n)])
         return self._enclosed(lambda: arb_mat(fmpq_mat(rows)).solve(arb_mat(right))[n - 1, 0] / arb(a[n]), _is_narrow)
 
-    def _enclosed(self, attempt: Callable[[], T], told: Callable[[T], bool]) -> T:
-        """Return what an attempt gives in so many bits that it tells; more and more are tried while operations are left."""
+    def _enclosed(self, attempt: Callable[[], T], accept: Callable[[T], bool]) -> T:
+        """Return the result of ``attempt`` at the first precision that is decisive; raise it while operations remain."""
         before, bits = flint.ctx.prec, BITS
         try:
             while bits <= _MOST_BITS:
@@ -308,7 +309,7 @@ class Exact:
                 flint.ctx.prec = bits
                 with suppress(ZeroDivisionError):
                     result = attempt()
-                    if told(result):
+                    if accept(result):
                         return result
                 bits *= 2
         finally:
@@ -321,7 +322,7 @@ def _is_narrow(x: arb) -> bool:
 
 
 def below(x: arb) -> float:
-    """Return a double that is not above a number enclosed."""
+    """Return a double that is not above an enclosed number."""
     return float(np.nextafter(float(x.lower()), -inf))
 
 
@@ -331,7 +332,7 @@ def _flipped(p: fmpq_poly) -> fmpq_poly:
 
 
 def _symmetric(p: fmpq_poly) -> fmpq_poly:
-    """Return the factor of a polynomial whose roots have mirror images at the imaginary axis, or lie on it."""
+    """Return the factor of a polynomial whose roots have mirror images at the imaginary axis, or are on it."""
     return p.gcd(_flipped(p))
 
 

@@ -1,8 +1,8 @@
 """python-control, imported in one place so that its state-space systems can be pickled; systems in scaled signals.
 
-A ``control.StateSpace`` keeps two functions that its constructor makes (python-control 0.10.2), which pickle refuses.
+A ``control.StateSpace`` stores two functions that its constructor creates (python-control 0.10.2), which cannot be pickled.
 Once this module is imported, and boomctl imports python-control only here, pickle and copy rebuild such a system from its
-matrices, names and sampling time instead: in the whole process, for systems that boomctl did not make too.
+matrices, names and sampling time instead, in the entire process and also for systems created outside boomctl.
 """
 
 import copyreg

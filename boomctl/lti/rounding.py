@@ -1,7 +1,7 @@
-"""What rounding leaves, as a share of a size that is named, and the three tolerances of results.
+"""Relative rounding errors, and the three tolerances of results.
 
-A share stands here once, and where it is used the other factor says of what: of the norm of a matrix, of the fastest pole, of
-the terms of a sum.  A number that a proof needs and that holds for one computation alone stands beside that computation.
+Each relative error is defined once; the other factor where it is used is the reference, such as the norm of a matrix, the
+fastest pole, or the terms of a sum.  A bound that a proof needs for a single computation is defined at that computation.
 """
 
 import numpy as np
@@ -9,26 +9,26 @@ import numpy as np
 from boomctl.checks import warn_user
 from boomctl.exceptions import AccuracyWarning
 
-EPS = float(np.finfo(float).eps)  # the unit of rounding: distance of one from the next number
-# of a few operations, of their result; of a solver, of the norm of its matrix (measured: below one unit)
+EPS = float(np.finfo(float).eps)  # Unit roundoff: distance of one from the next double.
+# Rounding error of a few operations, relative to their result; of a solver, relative to the norm of its matrix.
 DIGIT = 4.0 * EPS
-TINY = float(np.finfo(float).tiny)  # the least number of full precision
-# of the terms of a sum or product of entries given, up to which it is what their last places leave
+TINY = float(np.finfo(float).tiny)  # Least number of full precision.
+# Rounding error of a sum or product of input entries, relative to its terms.
 CANCELLED = 8.0 * EPS
-SOLVED = 1e-13  # of the largest number of a problem, what a chain of decompositions may leave: 500 units (a choice)
-SUMMED = 1e-12  # of its terms, up to which an entry of products of whole matrices is rounding: some 1e4 units
-ALIKE = 1e-9  # of its size, up to which a number from data or an assembly is another one: far above rounding (a choice)
-ROOT = 1e-7  # the root of rounding, with room: by so much of the largest one rounding moves a double value
+SOLVED = 1e-13  # Rounding error of a chain of decompositions, relative to the largest number: 500 units.
+SUMMED = 1e-12  # Rounding error of an entry of matrix products, relative to its terms: some 1e4 units.
+ALIKE = 1e-9  # Relative difference up to which numbers from data or an assembly are equal: far above rounding.
+ROOT = 1e-7  # Square root of rounding, with a margin: perturbation of a double root, relative to the largest one.
 
-# up to which exact polynomials prove what an inequality does not; beyond they take too long (measured)
+# Number of states up to which exact polynomials are used where an inequality does not decide; larger systems take too long.
 EXACT_STATES = 40
-CERTIFIED = 1e-5  # relative distance of two bounds up to which a norm is certified (a choice)
-LEVEL = 1e-6  # how far above the largest gain known a level is tried, relative: a tenth of what a norm is certified to
-VISIBLE = 1e-4  # of the largest response: what would show in a plot
+CERTIFIED = 1e-5  # Relative gap of two bounds up to which a norm is certified.
+LEVEL = 1e-6  # Relative distance of a tested level above the largest known gain: a tenth of CERTIFIED.
+VISIBLE = 1e-4  # Fraction of the largest response that is visible in a plot.
 
 
-def warn_of_rounding(what: str, share: float, promised: float) -> None:
-    """Warn, if rounding of an answer may be as much as ``share`` of its size and that is more than was ``promised``."""
-    if share > promised:
-        message = f"rounding of {what} may be as much as {share:.1g} of its size"
-        warn_user(f"{message}: more than the {promised:.0e} that is usual", AccuracyWarning)
+def warn_of_rounding(what: str, error: float, limit: float) -> None:
+    """Warn if the relative rounding error ``error`` of a result exceeds ``limit``."""
+    if error > limit:
+        message = f"rounding of {what} may be as much as {error:.1g} of its size"
+        warn_user(f"{message}: more than the {limit:.0e} that is usual", AccuracyWarning)

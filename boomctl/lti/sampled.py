@@ -1,8 +1,8 @@
-"""A continuous plant as a sampled controller sees it: exact at the samples, with delays of any length.
+"""Sampled plants for discrete controllers, exact at the samples, with delays of any length.
 
-Each control is held from one of its changes to the next; a delay moves those changes, by whole samples and a part of one.
-Over a sample with one change in it the plant moves by two holds, one after the other, which is exact.  Controls that are
-still to act, and measurements still on their way, are states.
+Each control is held between its changes; a delay shifts the changes by whole samples and a fraction of one.  Over a sample
+with one change the motion of the plant consists of two consecutive holds, which is exact.  Pending controls and
+measurements are states.
 """
 
 from collections.abc import Sequence
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-_SAME = 1e-6  # relative difference of two sampling times that are meant to be the same: what a user types in
-_MOST_SAMPLES = 1000  # of a delay, each of which is a state for each control: more is a mistake of unit (a choice)
+_SAME = 1e-6  # Relative difference up to which two sampling times, entered by a user, are equal.
+_MOST_SAMPLES = 1000  # Limit on a delay [samples], each of which is a state for each control; detects wrong units.
 
 
 def same_time(own: float, wanted: float) -> bool:
-    """Return whether two sampling times [s] are meant to be the same; one that is not said is."""
+    """Return whether two sampling times [s] are equal; an unspecified one equals any."""
     return not abs(own - wanted) > _SAME * wanted
 
 
 def whole_samples(delay: float, dt: float) -> tuple[int, float]:
-    """Return a delay as whole samples and what is left of it [s]."""
-    whole = int(np.floor(delay / dt + ALIKE))  # share of a sample up to which a delay is a whole number of them
+    """Return a delay as whole samples and the remainder [s]."""
+    whole = int(np.floor(delay / dt + ALIKE))  # To within this fraction of a sample.
     rest = delay - whole * dt
     return whole, rest if rest > ALIKE * dt else 0.0
 
@@ -46,8 +46,8 @@ def time_of_loop(plant: Lti, controller: Lti, delay: float) -> tuple[float, floa
     Raises
     ------
     TypeError, ValueError
-        A delay that is negative, of more than 1000 samples, beside a continuous controller, or not of whole samples where
-        the plant is discrete; a discrete plant with a controller of another sampling time.
+        If the delay is negative, longer than 1000 samples, nonzero with a continuous controller, or not a whole number of
+        samples for a discrete plant, or if plant and controller have different sampling times.
     """
     late, dt = nonnegative("delay", delay), controller.dt
     if plant.dt != 0.0 and not (dt and same_time(plant.dt, dt)):
@@ -74,7 +74,7 @@ def sample_plant(
     *,
     delay: float = 0.0,
 ) -> "control.StateSpace":
-    """Return a plant as a sampled controller sees it: exact at the samples, its controls held and late.
+    """Return the sampled plant, exact at the samples, with held and delayed controls.
 
     A discrete controller is designed for it (:func:`boomctl.lqg`, :func:`boomctl.h_infinity`, :func:`boomctl.h2`) and then
     runs on the plant itself with the same delay: poles and margins are the same.
@@ -88,19 +88,19 @@ def sample_plant(
     controls : str or sequence of str, optional
         Inputs that a controller drives; by default all.  The others are held from sample to sample, without delay.
     delay : float, optional
-        Time between a sample and the moment the controls change [s]: whole samples, a part of one, or both.
+        Time between a sample and the change of the controls [s]; need not be a whole number of samples.
 
     Returns
     -------
     control.StateSpace
-        In discrete time, with the plant's signals.  Outputs are those just before the controls change.  Controls on their
-        way, and those that an output feels at once, are states behind the plant's, ``NAME_held_1`` and so on.
+        In discrete time, with the plant's signals.  Outputs are the values just before the controls change.  Delayed
+        controls, and controls with direct feedthrough, are states after the plant's, ``NAME_held_1`` and so on.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time; a sampling time that is not above zero; unknown names; a delay that is
-        negative or of more than 1000 samples.
+        If `plant` has another type or is discrete, if `sample_time` is not above zero, if a name is unknown, or if
+        `delay` is negative or longer than 1000 samples.
 
     Examples
     --------
@@ -111,12 +111,12 @@ def sample_plant(
     >>> sampled.state_labels, sampled.dt
     (['v', 'force_held_1', 'force_held_2'], 0.1)
     """
-    given, dt = of(plant, "plant"), positive("sample_time", sample_time)
-    acting = [given.input_labels.index(name) for name in names("control", controls, given.input_labels)]
+    plant_lti, dt = of(plant, "plant"), positive("sample_time", sample_time)
+    acting = [plant_lti.input_labels.index(name) for name in names("control", controls, plant_lti.input_labels)]
     late = nonnegative("delay", delay)
     _check_samples(late, dt)
     name = getattr(plant, "name", None)
-    result = sampled_plant(given, acting, dt, [late] * len(acting))
+    result = sampled_plant(plant_lti, acting, dt, [late] * len(acting))
     return result.statespace(name if isinstance(name, str) else "plant")
 
 
@@ -127,10 +127,10 @@ def _check_samples(late: float, dt: float) -> None:
 
 @dataclass(frozen=True)
 class Held:
-    """A plant whose controls are held, and what they are between two samples: states of a queue, or inputs at once.
+    """A plant with held controls, whose values between two samples are states of a queue or current inputs.
 
-    Every sampled loop is put together from it: its system from sample to sample (``sampled``, or ``matrices`` of a motion
-    that is known already), closed by the controller.
+    Every sampled loop is built from it: its sampled system (``sampled``, or ``matrices`` for a motion that is already known),
+    closed by the controller.
 
     Attributes
     ----------
@@ -146,7 +146,7 @@ class Held:
     before, after : (m, states) ndarray
         Which state each input is before and after it changes; a row of zeros for an input that is none.
     direct : (m, m) ndarray
-        One for each input that is the one given at this sample, after it changes.
+        One for each input that has its current value after it changes.
     """
 
     plant: Lti
@@ -161,7 +161,7 @@ class Held:
     def of(
         cls, plant: Lti, acting: Sequence[int], late: Sequence[tuple[int, float]], remembered: bool = False
     ) -> "Held":
-        """Return a plant with its queues: what is still to act, and what acts just before a sample if that is felt.
+        """Return a plant with queues: pending control values, and those before a sample if an output depends on them.
 
         Parameters
         ----------
@@ -169,25 +169,25 @@ class Held:
         acting : sequence of int
             The inputs that are controls.
         late : sequence of (int, float)
-            After how many whole samples, and how long after the last of them [s], each control changes.
+            Delay of each control: number of whole samples, and remainder [s].
         remembered : bool
-            Whether the control given last is a state in any case.
+            If True, the last control value is always a state.
         """
         n, m = plant.B.shape
         wholes, changes, controls = np.zeros(m, dtype=int), np.zeros(m), np.zeros(m, dtype=bool)
         for i, (whole, rest) in zip(acting, late, strict=True):
             wholes[i], changes[i], controls[i] = whole, rest, True
-        felt = (plant.D.any(axis=0) | (changes > 0.0) | remembered) & (plant.dt == 0.0)
-        lengths = np.where(controls, wholes + felt, 0)
+        previous = (plant.D.any(axis=0) | (changes > 0.0) | remembered) & (plant.dt == 0.0)
+        lengths = np.where(controls, wholes + previous, 0)
         starts = n + np.concatenate([[0], np.cumsum(lengths)])
         before, after = np.zeros((m, starts[-1])), np.zeros((m, starts[-1]))
-        queued, waiting = np.flatnonzero(controls & felt), np.flatnonzero(wholes)
+        queued, waiting = np.flatnonzero(controls & previous), np.flatnonzero(wholes)
         before[queued, (starts[:-1] + wholes)[queued]] = 1.0
         after[waiting, (starts[:-1] + wholes)[waiting] - 1] = 1.0
         return cls(plant, controls, changes, starts, before, after, np.diag(np.where(wholes, 0.0, 1.0)))
 
     def motion(self, duration: float) -> tuple[Array, Array, Array]:
-        """Return what the plant's state, and its inputs before and after they change, become so long after a sample."""
+        """Return the maps of the plant's state, and of its inputs before and after they change, over a duration."""
         A, B = self.plant.A, self.plant.B
         if self.plant.dt != 0.0:
             return A, np.zeros_like(B), B
@@ -195,27 +195,29 @@ class Held:
         return Phi, *changing(A, B, whole, duration, self.changes)
 
     def state(self, Phi: Array, before: Array, after: Array) -> tuple[Array, Array]:
-        """Return the plant's state after a motion, of all states at the sample and of the inputs given there."""
+        """Return the plant's state after a motion as a map of all states and the inputs at the sample."""
         rows = before @ self.before + after @ self.after
         rows[:, : len(Phi)] += Phi
         return rows, after @ self.direct
 
     def answers(self, duration: float) -> tuple[Array, Array]:
-        """Return the outputs so long after a sample, just before what changes then, likewise; at the sample for 0."""
+        """Return the outputs after a duration, just before any change at that time; at the sample itself for 0."""
         n, m = self.plant.B.shape
-        rows, given = self.state(*self.motion(duration)) if duration else (np.eye(n, self.starts[-1]), np.zeros((n, m)))
+        rows, inputs = (
+            self.state(*self.motion(duration)) if duration else (np.eye(n, self.starts[-1]), np.zeros((n, m)))
+        )
         changed = ~self.controls | (self.changes < duration) | (self.plant.dt != 0.0)
         late, now = np.where(changed, 0.0, self.plant.D), np.where(changed, self.plant.D, 0.0)
         C = self.plant.C
-        return C @ rows + late @ self.before + now @ self.after, C @ given + now @ self.direct
+        return C @ rows + late @ self.before + now @ self.after, C @ inputs + now @ self.direct
 
     def matrices(self, Phi: Array, before: Array, after: Array) -> tuple[Array, Array]:
-        """Return all states a sample later, of all states and of the inputs given, from the motion over a sample."""
+        """Return all states one sample later as a map of all states and inputs, from the motion over a sample."""
         n, m, size = len(Phi), after.shape[1], int(self.starts[-1])
         A, B = np.zeros((size, size)), np.zeros((size, m))
         A[:n], B[:n] = self.state(Phi, before, after)
         A[n:, n:] = np.eye(size - n, k=-1)
-        queued = np.flatnonzero(np.diff(self.starts))  # Nothing follows into the first place of a queue.
+        queued = np.flatnonzero(np.diff(self.starts))  # Nothing moves into the first position of a queue.
         A[self.starts[queued]], B[self.starts[queued], queued] = 0.0, 1.0
         return A, B
 
@@ -235,16 +237,16 @@ def sampled_plant(
     Parameters
     ----------
     plant : Lti
-        In continuous time; in discrete time it stays as it is, but for delays of whole samples.
+        In continuous time; a discrete plant is unchanged except for delays of whole samples.
     acting : sequence of int
-        The inputs that are controls: each is held, and changes so long after a sample as its delay says.  The other inputs
-        are held from sample to sample.
+        The inputs that are controls: each is held, and changes after its delay.  The other inputs are held from sample to
+        sample.
     dt : float
-        [s]
+        Sampling time [s].
     delays : sequence of float
         Of each control [s].
     readings : sequence of float, optional
-        How old each output is when it is read [s]; by default 0.
+        Age of each output at the sample at which it is read [s]; by default 0.
 
     Returns
     -------
@@ -255,14 +257,14 @@ def sampled_plant(
     result = held.sampled(plant.dt or dt)
     for output, age in enumerate(readings):
         whole, rest = whole_samples(age, dt)
-        if samples := whole + (rest > 0.0):  # read between two samples, and known at the later one
-            rows, given = held.answers(dt - rest if rest else 0.0)
-            result = _late(result, output, rows[output], given[output], samples)
+        if samples := whole + (rest > 0.0):  # Read between two samples, known at the later one.
+            rows, inputs = held.answers(dt - rest if rest else 0.0)
+            result = _late(result, output, rows[output], inputs[output], samples)
     return result
 
 
 def _late(system: Lti, output: int, states: Array, inputs: Array, samples: int) -> Lti:
-    """Return a system one output of which is what states and inputs were so many samples before."""
+    """Return a system with one output delayed by a number of samples, as a map of states and inputs."""
     n, line = len(system.A), np.eye(samples, k=-1)
     A = linalg.block_diag(system.A, line)
     B, C = np.pad(system.B, ((0, samples), (0, 0))), np.pad(system.C, ((0, 0), (0, samples)))

@@ -1,7 +1,7 @@
-"""Linear systems ``x' = A x + B u``, ``y = C x + D u``: one record for all that is done with them.
+"""Linear systems ``x' = A x + B u``, ``y = C x + D u``: the record used by all computations.
 
-python-control's types stand at the border only: :func:`of` turns what a user hands in into an :class:`Lti`, with one
-check and one message, and :meth:`Lti.statespace` gives a named ``control.StateSpace`` back.
+python-control's types occur only at the interface: :func:`of` converts and checks user input to an :class:`Lti`, and
+:meth:`Lti.statespace` returns a named ``control.StateSpace``.
 """
 
 import sys
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     import control
 
     class Design(Protocol):
-        """What a synthesis returns: it holds a controller."""
+        """Result of a synthesis, with a controller."""
 
         @property
         def controller(self) -> control.StateSpace: ...
 
     Controller: TypeAlias = control.StateSpace | control.TransferFunction | Design
 
-BATCH = 2**16  # entries of the pencils that are solved at once: what stays in the cache
-# sizes of a matrix between which products of its entries, and times of its poles, are numbers still (a choice)
+BATCH = 2**16  # Number of entries of the pencils that are solved at once; they fit into the cache.
+# Range of the largest matrix entry in which products of entries, and times of the poles, are finite.
 _SIZES = (1e-250, 1e100)
-_TIMES = (1e-30, 1e30)  # sampling times [s] with which rates and frequencies are numbers still (a choice)
-SLOWEST = 1e-12  # [rad/s], up to which a frequency is zero (a choice)
+_TIMES = (1e-30, 1e30)  # Range of sampling times [s] in which rates and frequencies are finite.
+SLOWEST = 1e-12  # Frequencies up to this one count as zero [rad/s].
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,9 +48,9 @@ class Lti:
     A, B, C, D : ndarray
         Real, finite, of shapes (n, n), (n, m), (p, n), (p, m).
     input_labels, output_labels, state_labels : tuple of str
-        Names; empty where nobody asks for them.
+        Names; empty if not needed.
     dt : float
-        Sampling time [s]; 0 in continuous time, ``nan`` in discrete time that does not say.
+        Sampling time [s]; 0 in continuous time, ``nan`` in discrete time of unspecified step.
     scales : mapping from str to float, or None
         Amount of each signal that counts as one, 1 where a signal has no entry; empty for a system in the units of the
         machine, None if unknown. May name signals that the system does not have.
@@ -69,12 +69,12 @@ class Lti:
     __repr__ = compact
 
     def select(self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None) -> "Lti":
-        """Return the system between the signals named, in that order; ``None`` means all.
+        """Return the system between the named signals, in that order; ``None`` means all.
 
         Raises
         ------
         ValueError
-            A name that is not known or is asked for twice.
+            If a name is unknown or requested twice.
         """
         ins, outs = names("input", inputs, self.input_labels), names("output", outputs, self.output_labels)
         return self.between(
@@ -96,7 +96,7 @@ class Lti:
         return replace(self, input_labels=inputs, output_labels=outputs)
 
     def balanced(self) -> "Lti":
-        """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have like sizes."""
+        """Return the system with states scaled by powers of two, so that rows and columns of ``A`` have similar norms."""
         A, scale = balance(self.A)
         return replace(self, A=A, B=self.B / scale[:, None], C=self.C * scale)
 
@@ -104,7 +104,7 @@ class Lti:
     def poles(self) -> Array:
         """Eigenvalues of ``A`` [rad/s]; in discrete time without a unit.
 
-        Where rounding may have made one unstable, they are computed in exact arithmetic, of the numbers as they are stored.
+        If rounding error may make one unstable, they are computed in exact arithmetic, from the stored numbers.
         """
         cached = "eigensystem" in self.__dict__
         poles: Array = self.eigensystem[0] if cached else np.linalg.eigvals(self.A).astype(complex)
@@ -125,7 +125,7 @@ class Lti:
     def eigensystem(self) -> tuple[Array, Array, Array]:
         """Eigenvalues of ``A`` [rad/s], the inverse of the matrix of eigenvectors, and this: columns of length one.
 
-        The inverse is no number where there is none, as of equal poles in a chain.
+        The inverse is NaN if there is none, as for equal poles in a chain.
         """
         A, power = scaled_to_one(self.A)
         poles, right = (item.astype(complex) for item in np.linalg.eig(A))
@@ -137,7 +137,7 @@ class Lti:
 
     @property
     def distances(self) -> tuple[Array, Array]:
-        """How far poles are inside the boundary of stability, and how far rounding of ``A`` moves them, to first order."""
+        """Distances of the poles inside the stability boundary, and first-order bounds on their rounding errors."""
         poles, reads, right = self.eigensystem
         with np.errstate(invalid="ignore", over="ignore"):
             moved = CANCELLED * np.einsum("ji,ij->j", np.abs(reads), np.abs(self.A) @ np.abs(right)) + TINY
@@ -146,20 +146,20 @@ class Lti:
     def response(self, omega: Array, *, quiet: bool = False) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies); in discrete time at ``exp(j omega dt)``.
 
-        Where a pole lies exactly at one of the frequencies, it may be one that does not show: that frequency, and no
-        other, is answered from a billionth beside it.
+        A pole exactly at one of the frequencies may be absent from the response.  The response at that frequency, and at no
+        other, is evaluated a relative distance of 1e-9 above it.
 
         Parameters
         ----------
         omega : (n,) ndarray
             Angular frequencies [rad/s].
         quiet : bool
-            Do not warn: for searches, whose frequencies nobody asked for.
+            Suppress warnings, for searches that choose their own frequencies.
 
         Warns
         -----
         SingularFrequencyWarning
-            A frequency was answered from beside it.
+            If the response at a frequency was evaluated near it.
         """
         states = np.empty((len(omega), *self.B.shape), complex)
         step = max(1, BATCH // max(len(self.A), 1) ** 2)
@@ -168,19 +168,19 @@ class Lti:
         return (self.C @ states + self.D).transpose(1, 2, 0)
 
     def _resolvent(self, omega: Array, quiet: bool) -> Array:
-        pencil, places = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
+        pencil, diagonal = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
         pencil[:] = -self.A.astype(complex)
-        pencil[:, places, places] += self.boundary(omega)[:, None]
+        pencil[:, diagonal, diagonal] += self.boundary(omega)[:, None]
         try:
             return np.linalg.solve(pencil, self.B.astype(complex))
         except np.linalg.LinAlgError:
             if len(omega) > 1:
                 return np.concatenate([self._resolvent(omega[k : k + 1], quiet) for k in range(len(omega))])
-        asked = beside(omega)
+        nearby = beside(omega)
         if not quiet:
-            said = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {asked[0]:.17g} rad/s"
-            warn_user(said, SingularFrequencyWarning)
-        return self._resolvent(asked, quiet)
+            message = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {nearby[0]:.17g} rad/s"
+            warn_user(message, SingularFrequencyWarning)
+        return self._resolvent(nearby, quiet)
 
     def boundary(self, omega: Any) -> Any:
         """Return where the response is that at ``omega``: ``s = j omega``, in discrete time ``z = exp(j omega dt)``."""
@@ -188,12 +188,12 @@ class Lti:
 
     @property
     def system(self) -> "Lti":
-        """Itself: what a :class:`ClosedLoop` is, too."""
+        """The system itself, as in :class:`ClosedLoop`."""
         return self
 
     @cached_property
     def magnitudes(self) -> "Lti":
-        """How large the numbers are that the entries were made of."""
+        """Magnitudes of the numbers from which the entries were computed."""
         return Lti(np.abs(self.A), np.abs(self.B), np.abs(self.C), np.abs(self.D), dt=self.dt)
 
     @property
@@ -215,15 +215,15 @@ class Lti:
 
         named = self.without_dots()
         labels = {"inputs": named.input_labels, "outputs": named.output_labels, "states": self.state_labels}
-        given: dict[str, Any] = {kind: list(names) for kind, names in labels.items() if names} | {"name": name}
+        arguments: dict[str, Any] = {kind: list(names) for kind, names in labels.items() if names} | {"name": name}
         if self.dt != 0.0:
-            given["dt"] = True if np.isnan(self.dt) else self.dt
+            arguments["dt"] = True if np.isnan(self.dt) else self.dt
         signals = named.input_labels + named.output_labels
         scales = {label: value for label, value in (self.scales or {}).items() if label in signals}
         matrices = (self.A, self.B, self.C, self.D)
         if scales:
-            return ScaledStateSpace(*matrices, scales=scales, **given)
-        system = control.ss(*matrices, **given)
+            return ScaledStateSpace(*matrices, scales=scales, **arguments)
+        system = control.ss(*matrices, **arguments)
         if self.scales is not None:
             setattr(system, UNSCALED, True)
         return system
@@ -238,7 +238,7 @@ def rates_of(poles: Array, dt: float) -> Array:
 
 
 def beside(omega: Array) -> Array:
-    """Return the frequencies that answer for those at which a pole lies: a billionth above them [rad/s]."""
+    """Return the frequencies that replace those at a pole: a relative distance of 1e-9 above them [rad/s]."""
     return omega * (1.0 + ALIKE) + SLOWEST
 
 
@@ -293,15 +293,15 @@ class ClosedLoop:
 
     @cached_property
     def magnitudes(self) -> Lti:
-        """How large the numbers are that the entries of ``system`` were made of."""
+        """Magnitudes of the numbers from which the entries of ``system`` were computed."""
         scale = balance(lower_lft(self.plant, self.controller).A)[1]
         solved = np.abs(_solved(self.plant, self.controller))
-        made = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
-        return replace(made, A=made.A / scale[:, None] * scale, B=made.B / scale[:, None], C=made.C * scale)
+        terms = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
+        return replace(terms, A=terms.A / scale[:, None] * scale, B=terms.B / scale[:, None], C=terms.C * scale)
 
 
 System: TypeAlias = Lti | ClosedLoop
-"""What norms and poles are asked of."""
+"""Systems accepted by the norm and pole functions."""
 
 
 def lower_lft(plant: Lti, controller: Lti) -> Lti:
@@ -348,7 +348,7 @@ def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
 
 
 def signal_scales(A: Array, B: Array, C: Array) -> Array:
-    """Return scales of states, powers of two, with which rows and columns of ``[A, B; C, 0]`` have like sizes."""
+    """Return scales of states, powers of two, with which rows and columns of ``[A, B; C, 0]`` have similar norms."""
     n = len(A)
     bordered = np.zeros((n + 1, n + 1))
     bordered[:n, :n], bordered[:n, n], bordered[n, :n] = A, np.abs(B).sum(axis=1), np.abs(C).sum(axis=0)
@@ -357,31 +357,31 @@ def signal_scales(A: Array, B: Array, C: Array) -> Array:
 
 
 def well_posed_inverse(matrix: Array) -> Array:
-    """Return the inverse of ``I - D_K D22``; it has four digits or more.
+    """Return the inverse of ``I - D_K D22``, accurate to four digits or more.
 
     Raises
     ------
     ValueError
-        The loop is not well-posed.
+        If the loop is not well-posed.
     """
-    refusal = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
-    return balanced_inverse(matrix, SUMMED, refusal)
+    message = "the loop is not well-posed: the feedthroughs of plant and controller cancel one another"
+    return balanced_inverse(matrix, SUMMED, message)
 
 
-def balanced_inverse(matrix: Array, rounding: float, refusal: str) -> Array:
-    """Return the inverse of one plus a matrix, judged and computed after balancing, so that units do not matter.
+def balanced_inverse(matrix: Array, rounding: float, message: str) -> Array:
+    """Return the inverse of a matrix, tested and computed after balancing, so that units do not matter.
 
     Raises
     ------
     ValueError
-        ``refusal``, where its smallest singular value is rounding of one or of the largest.
+        With ``message``, if the smallest singular value is below rounding error of one or of the largest.
     """
     if not len(matrix):
         return matrix
     balanced, scale = balance(matrix)
     values = linalg.svdvals(balanced)
     if values[-1] <= rounding * max(1.0, values[0]):
-        raise ValueError(refusal)
+        raise ValueError(message)
     result = linalg.inv(balanced)
     # To componentwise accuracy: zeros of a chain stay zero.
     result += result @ (np.eye(len(matrix)) - balanced @ result)
@@ -423,42 +423,43 @@ def of(
     any_time: bool = False,
     sampled: bool = False,
 ) -> Lti:
-    """Return the matrices and names of what a user hands in: a system of python-control, a structural model, an ``Lti``.
+    """Return the matrices and names of a user's system: a python-control system, a structural model or an ``Lti``.
 
     Parameters
     ----------
     system : StateSpace, TransferFunction, SecondOrderModel or Lti
     what : str
-        What a message calls it: the parameter's name.
+        Name of the parameter in messages.
     expected : str
-        What a message says was expected.  Where "SecondOrderModel" is expected, anything is taken that has a method
+        Expected types in messages.  If "SecondOrderModel" is among them, any object is accepted that has a method
         ``__lti__``, which returns an :class:`Lti` without python-control, or ``to_statespace``.
     discrete : bool, optional
-        True: discrete time is expected; by default, or False, continuous time.
+        If True, discrete time is required, otherwise continuous time.
     any_time : bool, optional
-        True: both will do.
+        If True, both are accepted.
     sampled : bool, optional
-        True: discrete time will do as well, if it says its sampling time [s].
+        If True, discrete time with a specified sampling time is accepted as well.
 
     Raises
     ------
     TypeError
-        Another kind of system.
+        If `system` has another type.
     ValueError
-        The wrong kind of time; matrices that are not finite; signals of the same name.
+        If time is discrete or continuous contrary to the requirement, if a matrix is not finite, or if signals have the
+        same name.
     """
     if isinstance(system, Lti):
         return system
-    given: Any = system
+    source: Any = system
     models = "SecondOrderModel" in expected
     if models and hasattr(system, "__lti__"):
-        result: Lti = given.__lti__().without_dots()
+        result: Lti = source.__lti__().without_dots()
     else:
         if models and hasattr(system, "to_statespace"):
-            given = given.to_statespace()
-        if not (is_transfer_function(given) or is_statespace(given)):
+            source = source.to_statespace()
+        if not (is_transfer_function(source) or is_statespace(source)):
             raise TypeError(f"{what}: expected {expected}, got {type(system).__name__}{_instead(system, models)}")
-        result = _plain(given, what)
+        result = _plain(source, what)
     if not any_time:
         _check_time(what, result.dt, discrete, sampled)
     for letter in "ABCD":
@@ -474,26 +475,26 @@ def of(
         ("input", result.input_labels, result.D.shape[1]),
         ("output", result.output_labels, len(result.D)),
     ):
-        if labels and len(set(labels)) < count:  # python-control holds names that are there twice once
+        if labels and len(set(labels)) < count:  # python-control stores duplicate names once.
             got = f"{len(set(labels))}: {', '.join(labels)}"
             raise ValueError(f"{what}: expected a name of its own for each of {count} {kind}s, got {got}")
     return result
 
 
 def controller_of(
-    given: object,
+    controller: object,
     expected: str = "StateSpace",
     *,
     what: str = "controller",
     scales: Mapping[str, float] | None = None,
     **time: bool,
 ) -> Lti:
-    """Return the matrices and names of a controller, or of that of a design, as :func:`of` does of a system.
+    """Return the matrices and names of a controller, or of the controller of a design; see :func:`of`.
 
-    ``scales`` are those of the plant: a scaled plant takes the controller of a design in scaled signals.
+    ``scales`` are those of the plant: with a scaled plant the scaled controller of a design is used.
     """
-    held = "scaled_controller" if scales and hasattr(given, "scaled_controller") else "controller"
-    return of(getattr(given, held, given), what, expected, **time)
+    held = "scaled_controller" if scales and hasattr(controller, "scaled_controller") else "controller"
+    return of(getattr(controller, held, controller), what, expected, **time)
 
 
 def rescale(system: Lti, scales: Mapping[str, float]) -> Lti:
@@ -548,7 +549,7 @@ def check_scales(controller: Lti, plant: Mapping[str, float] | None = None) -> N
 
 
 def _instead(system: object, models: bool) -> str:
-    """Return what to hand in instead of something that is no system with poles; whether structural models will do."""
+    """Return a hint for objects that are not systems with poles; ``models`` is True if structural models are accepted."""
     if is_frequency_response(system):
         return (
             ", which does not tell its poles: boomctl.fit finds a model for it, boomctl.sigma shows it, and "

@@ -1,4 +1,4 @@
-"""What all results over time have in common: their signals by name, and the same as python-control's time response."""
+"""Base class of all results over time: signals by name, and conversion to python-control's time response."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ class TimeSeries:
     time: Array
 
     def _outputs(self) -> Mapping[str, Array]:
-        """Return what moves, by name."""
+        """Return the outputs by name."""
         raise NotImplementedError
 
     def _inputs(self) -> Mapping[str, Array]:
-        """Return what drives it, by name."""
+        """Return the inputs by name."""
         return {}
 
     def _columns(self) -> Mapping[str, Array]:
-        """Return the columns of a table of it, by name."""
+        """Return the columns of its table, by name."""
         return {**self._inputs(), **self._outputs()}
 
     def __getitem__(self, name: str) -> Array:
@@ -50,7 +50,7 @@ class TimeSeries:
 
     @property
     def response(self) -> control.TimeResponseData:
-        """The same as python-control's named time response."""
+        """Named time response of python-control with the same data."""
         from boomctl.lti.python_control import control
 
         outputs, inputs, count = self._outputs(), self._inputs(), len(self.time)
@@ -70,7 +70,8 @@ class TimeSeries:
         Returns
         -------
         pandas.DataFrame
-            One row a time [s], one column a signal, of loops also what was commanded; known units in its ``attrs["units"]``.
+            One row per time [s] and one column per signal, for loops also commanded signals; known units are in
+            ``attrs["units"]``.
         """
         return data_frame(self._columns(), "time [s]", getattr(self, "units", None), index=self.time)
 
@@ -80,14 +81,14 @@ class TimeSeries:
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw, one axes a signal; by default a new figure of pyplot.
+            One axes per signal.  If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         drawn = {getattr(self, "name", type(self).__name__): ({**self._outputs(), **self._inputs()}, self.time)}
         return import_module("boomctl.plotting.looking").plot_comparison("time", drawn, ax, **style)

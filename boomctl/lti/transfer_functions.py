@@ -1,9 +1,9 @@
 """Transfer functions as state-space systems, their response compared with that of the polynomials.
 
-Entries with the same denominator and input become one companion form, balanced, which has the coefficients as they are; of
-fewer outputs than inputs those with the same denominator and output.  An entry that is zero has no state.  States that the
-response of a matrix does not have are removed by SLICOT's staircase algorithm.  Polynomials lose digits where modes are many
-or lightly damped: the response of the realization is compared with that of the polynomials around every pole and zero.
+Entries with the same denominator and input become one balanced companion form with the original coefficients; with fewer
+outputs than inputs, entries with the same denominator and output.  An entry that is zero has no state.  Uncontrollable and
+unobservable states of a matrix are removed by SLICOT's staircase algorithm.  Polynomials are inaccurate for many or lightly
+damped modes, so the response of the realization is compared with that of the polynomials around every pole and zero.
 """
 
 from itertools import chain
@@ -18,38 +18,40 @@ from boomctl.lti.rounding import ALIKE, LEVEL, SUMMED
 if TYPE_CHECKING:
     import control
 
-_BESIDE = (0.5, 0.99, 1.01, 2.0)  # times the size of a pole or zero: frequencies compared; not at a pole itself
-_REST = 1.0  # [rad/s], where all poles and zeros are at zero (any frequency will do)
-_HALF_CIRCLE = np.linspace(0.01, 3.1, 64)  # angles compared in discrete time, with those beside poles and zeros
+_NEARBY = (0.5, 0.99, 1.01, 2.0)  # Compared frequencies, as multiples of the magnitude of a pole or zero.
+_REST = 1.0  # Compared frequency if all poles and zeros are at zero [rad/s].
+_HALF_CIRCLE = np.linspace(
+    0.01, 3.1, 64
+)  # Compared angles in discrete time, in addition to those near poles and zeros.
 
 
-def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array, Array, Array]:
+def realized(system: "control.TransferFunction", what: str) -> tuple[Array, Array, Array, Array]:
     """Return ``A, B, C, D`` of a transfer function, balanced.
 
-    Of one entry all poles stay, also those that a zero cancels; of a matrix only those that its response has.
+    A single entry retains all poles, also those that a zero cancels; a matrix retains only the poles of its response.
 
     Raises
     ------
     ValueError
-        Coefficients that are not finite; not proper; realized with another response than the coefficients have.
+        If a coefficient is not finite, if it is not proper, or if the realization has another response.
     """
     entries = [
         (np.asarray(n, dtype=float), np.asarray(d, dtype=float))
-        for n, d in zip(chain(*given.num), chain(*given.den), strict=True)
+        for n, d in zip(chain(*system.num), chain(*system.den), strict=True)
     ]
     for n, d in entries:
         if not (np.isfinite(n).all() and np.isfinite(d).all()):
             raise ValueError(f"{what}: expected finite coefficients")
         if len(np.trim_zeros(n, "f")) > len(np.trim_zeros(d, "f")):
             raise ValueError(f"{what}: expected a proper transfer function, got a numerator of higher order")
-    shape = given.noutputs, given.ninputs
+    shape = system.noutputs, system.ninputs
     roots = np.concatenate([np.roots(part) for entry in entries for part in entry])
-    if given.isctime():
+    if system.isctime():
         rates = np.abs(roots)
-        at = 1j * np.unique(np.outer(rates[rates > 0.0] if rates.any() else [_REST], _BESIDE))
+        at = 1j * np.unique(np.outer(rates[rates > 0.0] if rates.any() else [_REST], _NEARBY))
     else:
-        beside = np.outer(np.abs(np.angle(roots)), _BESIDE)
-        at = np.exp(1j * np.union1d(_HALF_CIRCLE, beside[(beside > 0.0) & (beside < np.pi)]))
+        nearby = np.outer(np.abs(np.angle(roots)), _NEARBY)
+        at = np.exp(1j * np.union1d(_HALF_CIRCLE, nearby[(nearby > 0.0) & (nearby < np.pi)]))
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         num, den, sizes_n, sizes_d = (
             np.array([np.polyval(size(entry[k]), size(at)) for entry in entries]).reshape(*shape, len(at))
@@ -68,7 +70,7 @@ def realized(given: "control.TransferFunction", what: str) -> tuple[Array, Array
         error = C @ np.linalg.solve(at[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None]) + D
         error = np.abs(error.transpose(1, 2, 0) - G)
         allowed = LEVEL * np.abs(G) + SUMMED * (sizes_n + np.abs(G) * sizes_d) / np.abs(den)
-        if len(A) < order:  # entries were mixed: relative to all of them, in units of like sizes and as stored
+        if len(A) < order:  # Entries were mixed: relative to all of them, in scaled units and as stored.
             units = (out[:, None] / into)[:, :, None]
             relative, absolute = (np.abs(G) / units).max(axis=(0, 1)), np.abs(G).max(axis=(0, 1))
             allowed += np.minimum(SUMMED * relative * units, ALIKE * absolute)
@@ -109,7 +111,7 @@ def _companions(entries: list[tuple[Array, Array]], shape: tuple[int, int]) -> t
 
 
 def _minimal(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
-    """Return a system without the states that its response does not have; unchanged where it has all of them."""
+    """Return a minimal realization of a system; unchanged if it is minimal already."""
     import slycot
 
     n, m, p = len(A), B.shape[1], len(C)
@@ -121,7 +123,7 @@ def _minimal(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
 
 
 def _signal_scales(sizes: Array) -> tuple[Array, Array]:
-    """Return sizes of outputs, and inverse ones of inputs, powers of two: entries other than zero are then of like sizes."""
+    """Return scales of outputs and inverse scales of inputs, powers of two, with which nonzero entries are similar."""
     p, m = sizes.shape
     inverse = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0.0)
     scale = balance(blocks([[np.zeros((p, p)), sizes], [inverse.T, np.zeros((m, m))]]))[1]

@@ -1,4 +1,4 @@
-"""``reduce``: a smaller system by one of five methods, its error verified before it is returned."""
+"""Model reduction by one of five methods, with a verified error."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -38,9 +38,9 @@ METHODS = {
     "second-order": StrongestModes,
 }
 _WITHOUT_RANGE = ("hankel", "modal")  # Methods that accept no frequency range.
-AS_GIVEN = "the system itself"  # Of all its states: no system differs less.
+UNREDUCED = "the system itself"  # Stage of a result that is not reduced: its error is zero.
 _NO_ERROR = NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True)
-_NYQUIST = 1e-6  # Distance, relative, at which a band ends below half the sampling rate, whose image is at infinity.
+_NYQUIST = 1e-6  # Relative distance of a range below half the sampling rate, whose image is at infinity.
 
 
 @one_blas_thread
@@ -53,53 +53,54 @@ def reduce(
     omega_range: tuple[float, float] | None = None,
     progress: "Listener | None" = None,
 ) -> ReductionResult:
-    """Return a smaller system, with a bound of its error known beforehand and the error verified afterwards.
+    """Return a reduced system, with an a priori error bound and the verified error.
 
-    Unstable, undamped, integrating and rigid-body states are split off and kept as they are, but for rounding.
+    Unstable, undamped, integrating and rigid-body states are separated and retained unchanged except for rounding.
 
     Parameters
     ----------
     system : control.StateSpace, control.TransferFunction or SecondOrderModel
-        The stable part of a discrete one is reduced as its continuous image by the bilinear map, which has the same norms and
-        Hankel singular values.
+        The stable part of a discrete system is reduced as its continuous image under the bilinear map, which has the same
+        norms and Hankel singular values.
     order : int, optional
-        Number of states wanted, the kept ones included.  Fewer come back, with a warning, where fewer suffice for
-        rounding, or where "modal" would have to split a pair of poles.
+        Number of states, retained states included.  The result has fewer, with a warning, if the remaining Hankel singular
+        values are rounding error, or if "modal" would have to split a pair of poles.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
-        not), the strongest modes with the static gain of the others; of a structure, likewise
-        with undamped modes, which gives a smaller structure (an even order, two states a coordinate, and no bound known
-        beforehand: ``inf``).
+        not), the strongest modes with the static gain of the others; for a structure, the strongest undamped modes with
+        the static gain of the others, which gives a smaller structure (an even order, two states per coordinate, and
+        without an a priori bound: ``inf``).
     max_error : float, optional
-        Instead of ``order``: the lowest order whose verified error is not above this (absolute).  Where none is, the system
-        itself comes back, with an error of zero.
+        Instead of ``order``: largest absolute verified error; the lowest such order is selected.  If there is none, the
+        system itself is returned, with an error of zero.
     omega_range : (float, float), optional
         Frequency range [rad/s] in which the reduced system is accurate, ascending.  The measured error is then the
         largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.  Must be None for
         "hankel" and "modal".
     progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `progress_callback` hears whatever runs within it.
+        Called with a `Progress` at each stage.  If None, a progress line is shown after 3 s on a terminal or in a notebook.
+        `progress_callback` receives the stages of all computations in its block.
 
     Returns
     -------
     ReductionResult
-        The smaller system, and its error: bounded beforehand, and verified.
+        The reduced system, with its a priori error bound and its verified error.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite; unknown method; both or none
-        of ``order`` and ``max_error``; an order above the system's or below its kept part, or one that parts equal Hankel
-        singular values ("hankel"); an `omega_range` that does not ascend, or that is too far from the poles.
+        If `system` has another type, an unspecified sampling time or a value that is not finite, if `method` is unknown, if
+        not exactly one of `order` and `max_error` is specified, if `order` is above the order of the system, below that of
+        its retained part, or separates equal Hankel singular values ("hankel"), or if `omega_range` does not ascend or is
+        too far from the poles.
     ReductionError
-        The error exceeds its bound or could not be verified.
+        If the error exceeds its bound or could not be verified.
 
     Warns
     -----
     LowerOrderWarning
-        The system returned has fewer states than asked for.
+        If the returned system has fewer states than `order`.
 
     Examples
     --------
@@ -110,7 +111,7 @@ def reduce(
     >>> smaller.order, round(smaller.error_norm, 3)
     (1, 0.019)
     """
-    given = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
+    model = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
     known("method", method, tuple(METHODS))
     if omega_range is not None and method in _WITHOUT_RANGE:
         raise ValueError(
@@ -119,14 +120,14 @@ def reduce(
         )
     if (order is None) == (max_error is None):
         raise ValueError("order, error: expected exactly one of them")
-    if order is not None and whole("order", order, 0) > _states(given):
-        raise ValueError(f"order = {order}: the system has only {_states(given)} states")
+    if order is not None and whole("order", order, 0) > _states(model):
+        raise ValueError(f"order = {order}: the system has only {_states(model)} states")
     wanted = None if max_error is None else positive("max_error", max_error)
     limits = None if omega_range is None else span("omega_range", omega_range)
-    if method == "second-order" and isinstance(given, Lti):
+    if method == "second-order" and isinstance(model, Lti):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
     with computing("reduction", progress):
-        result = _reduced(given, order, wanted, method, limits)
+        result = _reduced(model, order, wanted, method, limits)
     if order is not None and result.order < order:
         reason = (
             "a pair of poles stays whole"
@@ -138,31 +139,31 @@ def reduce(
 
 
 def _reduced(
-    given: Lti | SecondOrderModel, order: int | None, wanted: float | None, method: str, band: Band | None
+    model: Lti | SecondOrderModel, order: int | None, wanted: float | None, method: str, band: Band | None
 ) -> ReductionResult:
-    """Return the reduction to an order, or of the lowest order within an error."""
-    system, size = given if isinstance(given, Lti) else given._modal_form, _states(given)
+    """Return the reduction to an order, or the one of the lowest order within an error."""
+    system, size = model if isinstance(model, Lti) else model._modal_form, _states(model)
     limits = None if band is None else _band_of_image(system, band)
     tell("modal coordinates")
     parts = SystemParts.of(system, limits or (0.0, inf))
-    reducer = METHODS[method](given, parts, limits)
+    reducer = METHODS[method](model, parts, limits)
     coordinates = "modal coordinates" if parts.modal is not None else "given coordinates"
-    itself = given if method == "second-order" else system, (0.0, _NO_ERROR)
+    itself = model if method == "second-order" else system, (0.0, _NO_ERROR)
     try:
-        found = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
+        reduction = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
     except ReductionError:
         if wanted is None and order != size:
             raise
-        found = itself
-    smaller, (bound, error) = itself if isinstance(given, Lti) and _states(found[0]) >= size else found
+        reduction = itself
+    smaller, (bound, error) = itself if isinstance(model, Lti) and _states(reduction[0]) >= size else reduction
     if isinstance(smaller, Lti):
-        scales = getattr(given, "scales", {})  # A structure is in the units of the machine.
+        scales = getattr(model, "scales", {})  # A structure is in the units of the machine.
         smaller = replace(
-            smaller, input_labels=given.input_labels, output_labels=given.output_labels, state_labels=(), scales=scales
+            smaller, input_labels=model.input_labels, output_labels=model.output_labels, state_labels=(), scales=scales
         ).without_dots()
     peak_omega = float(omega_of_image(error.peak_omega, system.dt))
     return ReductionResult(
-        _full=given,
+        _full=model,
         _reduced=smaller,
         order=_states(smaller),
         requested_order=order,
@@ -171,8 +172,8 @@ def _reduced(
         method=method,
         certificate=replace(error, peak_omega=peak_omega),
         hankel_singular_values=reducer.values,
-        retained_order=len(parts.kept.A),
-        stages=(coordinates, AS_GIVEN) if error is _NO_ERROR else (coordinates,),
+        retained_order=len(parts.retained.A),
+        stages=(coordinates, UNREDUCED) if error is _NO_ERROR else (coordinates,),
         omega_range=band,
         full_order=size,
     )
@@ -195,19 +196,19 @@ def _states(system: Lti | SecondOrderModel) -> int:
 
 
 def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti | SecondOrderModel, Verified]:
-    """Return the reduction of lowest order whose verified error is not above the one wanted.
+    """Return the reduction of lowest order whose verified error is at most ``error``.
 
     Raises
     ------
     ReductionError
-        No order has so small a verified error.
+        If no order has such a small verified error.
     """
     best = inf
     for order in reducer.orders(error):
         tell(f"{order} states")
         with suppress(ValueError, ReductionError):  # A Hankel singular value repeated across the cut, or not verified.
-            found = reducer.reduced(order)
-            best = min(best, found[1][1].upper_bound)
+            reduction = reducer.reduced(order)
+            best = min(best, reduction[1][1].upper_bound)
             if best <= error:
-                return found
+                return reduction
     raise ReductionError(f"max_error = {error:g}: the smallest verified error of any order is {best:.4g}")

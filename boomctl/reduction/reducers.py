@@ -27,18 +27,18 @@ from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.realization import realize
 
-# Share of the largest Hankel singular value up to which a state adds nothing but rounding (measured: of a ladder of 100
-# states a tenth of it leaves reduced systems that are not stable).
+# Fraction of the largest Hankel singular value up to which a state adds only rounding error.  With a tenth of it, reduced
+# systems of a ladder of 100 states are not all stable.
 MINIMAL = 1e-10
-_SEEN = 1e-6  # share of its inputs and outputs that a band may miss of a system (a choice)
-_CENTER = 0.01  # least low end of a band, relative to its high end, of which the middle is taken (a choice)
-_SAME = 1e-6  # relative difference up to which Markov parameters are the same, those of a double integrator included
-_MOMENTS = 4  # Markov parameters compared: two systems of so few kept states that agree in them are the same
+_UNREACHED = 1e-6  # Largest relative part of inputs and outputs without response in a range.
+_CENTER = 0.01  # Least lower limit of a range, relative to its upper limit, in its geometric mean.
+_SAME = 1e-6  # Relative difference up to which Markov parameters are equal, also of a double integrator.
+_MOMENTS = 4  # Number of compared Markov parameters; sufficient for the few retained states.
 
 
 @dataclass(frozen=True)
 class Balanced:
-    """A stable system whose Gramians are both ``diag(values)``, minimal; ``lost`` bounds what was not minimal."""
+    """A stable system whose Gramians are both ``diag(values)``, minimal; ``lost`` bounds the error of the truncation."""
 
     system: Lti
     values: Array
@@ -59,78 +59,78 @@ def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
 
 
 class Reducer:
-    """What all methods have in common.
+    """Base class of all reduction methods.
 
     Attributes
     ----------
     form : Balanced
-        What is reduced, balanced.
+        Balanced form of the reduced part.
     """
 
-    def __init__(self, given: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        self.given, self.parts, self.band = given, parts, band
+    def __init__(self, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        self.original, self.parts, self.band = model, parts, band
         self.form = balance(parts.stable, parts.modal)
 
     @property
     def values(self) -> Array:
-        """Hankel singular values of what is reduced, descending."""
+        """Hankel singular values of the reduced part, descending."""
         return self.form.values
 
 
 class StateReducer(Reducer, ABC):
-    """What the methods that give a state space have in common: the stable part is reduced, the kept part joined."""
+    """Base class of methods with a state-space result: the stable part is reduced and added to the retained part."""
 
     @abstractmethod
     def shortened(self, order: int) -> tuple[Lti, float]:
-        """Return the stable part in so many states, or fewer, and a bound of the error."""
+        """Return the stable part in at most ``order`` states, and a bound on the error."""
 
     def orders(self, error: float) -> Iterator[int]:
-        """Yield the orders, ascending, kept part included, that may have an error not above one wanted.
+        """Yield the orders, ascending, retained part included, whose error may be at most ``error``.
 
-        No system of fewer states than there are Hankel singular values above an error has a smaller error.  Values below the
-        square root of rounding are no numbers of any precision, and count as zero.
+        The error of a system of order ``r`` is at least the Hankel singular value ``r + 1``.  Values below the square root of
+        rounding have no accuracy, and count as zero.
         """
         least = max(error, GRAMIANS * float(self.values.max(initial=0.0)))
-        fewest, kept = int((self.values > least).sum()) if self.band is None else 0, len(self.parts.kept.A)
-        yield from range(kept + fewest, kept + len(self.parts.stable.A) + 1)
+        fewest, retained = int((self.values > least).sum()) if self.band is None else 0, len(self.parts.retained.A)
+        yield from range(retained + fewest, retained + len(self.parts.stable.A) + 1)
 
     def reduced(self, order: int) -> tuple[Lti, Verified]:
-        """Return the reduced system, kept part included, and how its stable part was verified.
+        """Return the reduced system, retained part included, and the verification of its stable part.
 
         Raises
         ------
         ValueError
-            There is no such order.
+            If there is no such order.
         ReductionError
-            The error exceeds its bound, or could not be verified.
+            If the error exceeds its bound or could not be verified.
         """
-        kept = self.parts.kept
-        if order < len(kept.A):
+        retained = self.parts.retained
+        if order < len(retained.A):
             raise ValueError(
-                f"order = {order}: {len(kept.A)} unstable, undamped or rigid-body states are kept, so at least that"
+                f"order = {order}: {len(retained.A)} unstable, undamped or rigid-body states are kept, so at least that"
             )
         try:
-            stable, bound = self.shortened(min(order - len(kept.A), len(self.parts.stable.A)))
+            stable, bound = self.shortened(min(order - len(retained.A), len(self.parts.stable.A)))
         except np.linalg.LinAlgError:
             raise ReductionError(
-                f"order {order}: the states that go cannot rest, for they have no static answer; use 'balanced'"
+                f"order {order}: the truncated states have no static response; use 'balanced'"
             ) from None
         small, result = verified(self.parts, stable, bound, self.band)
-        return parallel(kept, small), result
+        return parallel(retained, small), result
 
 
 class GramianReducer(StateReducer):
-    """A method that needs the balanced form, of the stable part itself or as a band sees it."""
+    """A method that needs the balanced form of the stable part, possibly weighted to a frequency range."""
 
-    def __init__(self, given: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(given, parts, band)
+    def __init__(self, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(model, parts, band)
         self.weights: tuple[Array, Array] | None = None
         if band is not None and len(parts.stable.A):
             stable, modal, T, R = weighted(parts.stable, parts.modal, band)
             self.weights, self.form = (T, R), balance(stable, modal)
 
     def shortened(self, order: int) -> tuple[Lti, float]:
-        """Return the stable part in so many states, or fewer, and a bound of the error."""
+        """Return the stable part in at most ``order`` states, and a bound on the error."""
         smaller, bound = self.cut(order)
         if self.weights is None:
             return smaller, bound
@@ -140,16 +140,16 @@ class GramianReducer(StateReducer):
 
     @abstractmethod
     def cut(self, order: int) -> tuple[Lti, float]:
-        """Return the balanced form in so many states, or fewer, and a bound of the error."""
+        """Return the balanced form in at most ``order`` states, and a bound on the error."""
 
     def twice_the_rest(self, order: int) -> float:
-        """Return twice the sum of the Hankel singular values that go: a bound of the error (Enns 1984, Glover 1984)."""
+        """Return twice the sum of the truncated Hankel singular values, an error bound (Enns 1984, Glover 1984)."""
         return 2.0 * float(self.values[order:].sum()) + self.form.lost
 
 
 @final
 class BalancedTruncation(GramianReducer):
-    """The weak states of the balanced form left out; exact at infinite frequency."""
+    """Truncation of the weak states of the balanced form; exact at infinite frequency."""
 
     def cut(self, order: int) -> tuple[Lti, float]:
         """Return the leading states."""
@@ -159,7 +159,7 @@ class BalancedTruncation(GramianReducer):
 
 @final
 class SingularPerturbation(GramianReducer):
-    """The weak states of the balanced form at rest (Liu & Anderson 1989); exact at zero frequency."""
+    """Residualization of the weak states of the balanced form (Liu & Anderson 1989); exact at zero frequency."""
 
     def cut(self, order: int) -> tuple[Lti, float]:
         """Return the leading states, the others at rest."""
@@ -170,42 +170,42 @@ class SingularPerturbation(GramianReducer):
 class HankelApproximation(GramianReducer):
     """The stable system nearest in the Hankel norm (Glover 1984, Int. J. Control 39, Theorems 6.3 and 9.7).
 
-    The Hankel norm of the error is the first Hankel singular value that goes, the smallest that any system of that order has.
+    The Hankel norm of the error is the first truncated Hankel singular value, the minimum for any system of that order.
     Its H-infinity norm is not the smallest: it may exceed that of balanced truncation.
     """
 
     def cut(self, order: int) -> tuple[Lti, float]:
         """Return the nearest system, and ``sigma_{r+1} + 2 sum of the distinct later ones``.
 
-        The bound is that of an all-pass error, and of an antistable part left out.
+        The bound is the sum for an all-pass error and for the truncated antistable part.
 
         Raises
         ------
         ValueError
-            The Hankel singular value is repeated across the cut, so that there is no best system of this order.
+            If the Hankel singular value is repeated across the cut, so that there is no best system of this order.
         """
         values, balanced = self.values, self.form
         n, r = len(values), order
         if r >= n:
             return balanced.system, balanced.lost
         distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + ROOT)) + 1, [n]])
-        kept = len(self.parts.kept.A)
+        retained = len(self.parts.retained.A)
         if r not in distinct:
-            place = int(np.searchsorted(distinct, r))
-            low, high = int(distinct[place - 1]), int(distinct[place])
+            index = int(np.searchsorted(distinct, r))
+            low, high = int(distinct[index - 1]), int(distinct[index])
             raise ValueError(
-                f"order {r + kept}: Hankel singular values {low + 1} to {high} are equal ({values[r]:.6g}), so that they "
-                f"stay or go together; take {low + kept} or {high + kept}"
+                f"order {r + retained}: Hankel singular values {low + 1} to {high} are equal ({values[r]:.6g}), so that they "
+                f"stay or go together; take {low + retained} or {high + retained}"
             )
         sigma = float(values[r])
         k = int((values[r:] >= sigma * (1.0 - ROOT)).sum())
         dilated = _dilated(balanced, r, k, sigma)
         parts = spectral_parts(dilated)
-        stable, antistable = parts.rest, parts.kept
+        stable, antistable = parts.rest, parts.retained
         if len(stable.A) != r or len(antistable.A) != n - r - k:
             raise ValueError(
-                f"order {r + kept}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
-                f"{values[r]:.3g} and its neighbors are too close to tell apart"
+                f"order {r + retained}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
+                f"{values[r]:.3g} and its neighbors are too close"
             )
         bound = sigma + 2.0 * float(values[r + k :].sum()) + balanced.lost
         return stable, bound
@@ -239,7 +239,7 @@ def _at_real_point(A: Array, B: Array, C: Array) -> Array:
 def _orthogonal(B: Array, C: Array, near: Array) -> Array:
     """Return an orthogonal ``U`` with ``B = -C^T U``; it exists because ``B B^T = C^T C``.
 
-    Where that leaves it free, ``U`` is turned towards ``near``, so that it does not hang on the order of the signals.
+    Where it is not unique, ``U`` is chosen close to ``near``, so that it does not depend on the order of the signals.
     """
     left, size, right = np.linalg.svd(-C @ B)
     rank = int((size > ROOT * size[0]).sum())
@@ -252,12 +252,12 @@ def _orthogonal(B: Array, C: Array, near: Array) -> Array:
 class ModalTruncation(StateReducer):
     """The strongest modes, with the static gain of the others.
 
-    A pair of poles is kept whole, so that the order may come out one less than asked for.
+    A pair of poles is never split, so the order may be one less than requested.
     """
 
-    def __init__(self, given: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(given, parts, band)
-        modal = parts.modal or diagonalized(continuous_image(parts.given))
+    def __init__(self, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(model, parts, band)
+        modal = parts.modal or diagonalized(continuous_image(parts.original))
         if modal is None:
             raise ValueError(
                 "method 'modal': the stable poles are defective (Jordan blocks) or nearly so, use 'balanced'"
@@ -265,64 +265,64 @@ class ModalTruncation(StateReducer):
         self.modal = modal
 
     def shortened(self, order: int) -> tuple[Lti, float]:
-        """Return the strongest modes, and a bound of the error.
+        """Return the strongest modes, and a bound on the error.
 
-        What a mode that goes adds to its static gain, ``c b s/(p (s - p))``, is at most ``|c| |b|/|Re p|``, by which the
-        modes are ranked.
+        The response of a truncated mode beyond its static gain, ``c b s/(p (s - p))``, is at most ``|c| |b|/|Re p|``, by
+        which the modes are ranked.
         """
         modal, sizes = self.modal, self.modal.sizes
-        kept = np.zeros(len(modal.poles), dtype=bool)
+        chosen = np.zeros(len(modal.poles), dtype=bool)
         for i in np.argsort(-sizes, kind="stable"):
             pair = 2 if modal.poles[i].imag > 0.0 else 1
-            if modal.poles[i].imag >= 0.0 and kept.sum() + pair <= order:
-                kept[i : i + pair] = True
-        gone, chosen = modal.only(~kept), modal.only(kept).blocks
+            if modal.poles[i].imag >= 0.0 and chosen.sum() + pair <= order:
+                chosen[i : i + pair] = True
+        gone, strongest = modal.only(~chosen), modal.only(chosen).blocks
         static = np.real((gone.C / -gone.poles) @ gone.B)
-        return replace(chosen, D=modal.D + static), float(gone.sizes.sum())
+        return replace(strongest, D=modal.D + static), float(gone.sizes.sum())
 
 
 @final
 class StrongestModes(Reducer):
-    """A structure in its strongest undamped modes, outputs with the static share of the others.
+    """A structure in its strongest undamped modes, outputs with the static response of the others.
 
-    A symmetric projection leaves mass, damping and stiffness definite, so that the reduced structure is stable and passive
-    whatever modes it keeps.
+    A symmetric projection preserves definite mass, damping and stiffness, so the reduced structure is stable and passive for
+    any selection of modes.
 
     Raises
     ------
     ValueError
-        Matrices without real modes.
+        If the matrices have no real modes.
     """
 
-    def __init__(self, given: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(given, parts, band)
-        self.model = given
-        self.frequencies, self.modes = undamped_modes(given.structure)
+    def __init__(self, model: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        super().__init__(model, parts, band)
+        self.model = model
+        self.frequencies, self.modes = undamped_modes(model.structure)
         floating = self.frequencies == 0.0
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
 
     def orders(self, error: float) -> Iterator[int]:
-        """Yield the orders: two states a mode."""
+        """Yield the orders: two states per mode."""
         yield from range(2 * max(self.rigid, 1), 2 * len(self.ranking) + 1, 2)
 
     def reduced(self, order: int) -> tuple[SecondOrderModel, Verified]:
-        """Return the structure in ``order/2`` modes, and how it was verified."""
+        """Return the structure in ``order/2`` modes, and its verification."""
         least = 2 * max(self.rigid, 1)
         if order % 2 or order < least:
             raise ValueError(f"order = {order}: expected an even number, two states a coordinate, at least {least}")
         chosen = self.ranking[: order // 2]
         smaller = self._projected(chosen)
         parts = spectral_parts(realize(smaller.structure, smaller.ports).balanced())
-        stable, kept = parts.rest, parts.kept
-        if not _same(self.parts.kept, kept):
+        stable, retained = parts.rest, parts.retained
+        if not _same(self.parts.retained, retained):
             raise ReductionError(
-                f"{len(self.parts.kept.A)} unstable, undamped or rigid-body states do not come out as they went in "
-                f"({len(kept.A)} in the reduced structure): damping couples them to modes that are left out"
+                f"{len(self.parts.retained.A)} unstable, undamped or rigid-body states do not come out as they went in "
+                f"({len(retained.A)} in the reduced structure): damping couples them to truncated modes"
             )
         return smaller, verified(self.parts, stable, inf, self.band)[1]
 
     def _ranking(self, floating: Array) -> Array:
-        """Return the modes, strongest first: by the height of their peak, or by the most they reach within the band."""
+        """Return the modes in descending order of their peak response, or of their largest response within the range."""
         model, frequencies, V = self.model, self.frequencies, self.modes
         damping = np.diag(model.structure.projected(V).C)
         at = np.sqrt(np.maximum(frequencies**2 - 0.5 * damping**2, 0.0))
@@ -337,24 +337,24 @@ class StrongestModes(Reducer):
         return np.argsort(-strength, kind="stable")
 
     def _projected(self, chosen: Array) -> SecondOrderModel:
-        """Return the structure in the modes chosen, outputs with the static share of the others.
+        """Return the structure in the chosen modes, outputs with the static response of the others.
 
-        With a band the others' share is that in its middle; of modes within the band there is none.
+        With a range, the response of the others at its geometric mean is used, and none of modes within the range.
         """
         model, frequencies, V, band = self.model, self.frequencies, self.modes, self.band
-        kept = np.sort(chosen)
-        rest = np.setdiff1d(np.arange(self.rigid, V.shape[1]), kept)
+        modes = np.sort(chosen)
+        rest = np.setdiff1d(np.arange(self.rigid, V.shape[1]), modes)
         stiffness = frequencies[rest] ** 2
         if band is not None:
             inside = (frequencies[rest] >= band[0]) & (frequencies[rest] <= band[1])
             middle = np.sqrt(max(band[0], _CENTER * band[1]) * band[1])  # in the logarithm
             stiffness = np.where(inside, inf, stiffness - middle**2)
         static = (model.ports.L[0] @ V[:, rest] / stiffness) @ (V[:, rest].T @ model.ports.B[0])
-        ports = model.ports.congruent(V[:, kept])
+        ports = model.ports.congruent(V[:, modes])
         E = ports.E.copy()
         E[0] += static
-        names = tuple(f"mode{i + 1}" for i in kept)
-        return SecondOrderModel.of(model.structure.projected(V[:, kept], names), replace(ports, E=E))
+        names = tuple(f"mode{i + 1}" for i in modes)
+        return SecondOrderModel.of(model.structure.projected(V[:, modes], names), replace(ports, E=E))
 
 
 def _same(one: Lti, other: Lti) -> bool:
@@ -386,7 +386,7 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band) -> tuple[Lti, M
     C = _absolute(S.T @ system.C.T @ system.C).T
     T, R = np.linalg.lstsq(B, system.B, rcond=None)[0], np.linalg.lstsq(C.T, system.C.T, rcond=None)[0].T
     lost = np.abs(B @ T - system.B).max(initial=0.0), np.abs(R @ C - system.C).max(initial=0.0)
-    if lost[0] > _SEEN * np.abs(system.B).max() or lost[1] > _SEEN * np.abs(system.C).max():
+    if lost[0] > _UNREACHED * np.abs(system.B).max() or lost[1] > _UNREACHED * np.abs(system.C).max():
         raise ValueError(
             f"`omega_range` must be closer to the poles of the system, got {band} rad/s: some inputs or outputs have almost "
             "no response there."

@@ -1,4 +1,4 @@
-"""What a reduction returns, and what it raises when it cannot vouch for a result."""
+"""Result of a model reduction, and its error curves."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -54,34 +54,34 @@ class ReductionCurves:
 
 @dataclass(frozen=True)
 class ReductionResult:
-    """A reduced system with a bound known beforehand and an error verified afterwards.
+    """A reduced system with an a priori error bound and a verified error.
 
     Attributes
     ----------
     system : control.StateSpace or SecondOrderModel
         The reduced system, signals named as in the full one; a ``SecondOrderModel`` for the method "second-order".
-        A ``StateSpace`` is made when it is first read.
+        A ``StateSpace`` is created on first access.
     order : int
-        Number of states of the reduced system, kept unstable and rigid-body states included.
+        Number of states of the reduced system, including retained unstable and rigid-body states.
     error_bound : float
-        A priori bound of the largest singular value of the difference at any frequency; ``inf`` where none is known.
-        Never below the verified error, in which rounding counts.
+        A priori bound on the largest singular value of the difference at any frequency; ``inf`` if none is known.
+        Never below the verified error, which includes rounding.
     error_norm : float
-        H-infinity norm of the difference, within `omega_range` if there is one: a level 1 % above the largest error found
-        that is verified not to be reached, and rounding.  Kept states are the system's own but for rounding, which beside an
-        undamped pole changes the response by any amount: that is not in it.
+        H-infinity norm of the difference, within `omega_range` if there is one: a verified bound 1 % above the largest
+        computed error, plus rounding.  Rounding of the retained states is not included, because near an undamped pole it
+        may change the response by any amount.
     method : str
-        How the system was reduced.
+        Reduction method.
     certificate : NormBounds
-        Bounds of the H-infinity norm of the difference between the stable parts; rounding counts in the upper one.
+        Bounds on the H-infinity norm of the difference between the stable parts; the upper bound includes rounding.
     hankel_singular_values : (n,) ndarray
         Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
     retained_order : int
-        Number of unstable, undamped and rigid-body states that are kept as they are, but for rounding.
+        Number of unstable, undamped and rigid-body states, which are retained unchanged except for rounding.
     requested_order : int or None
-        Number of states asked for; None where an error was.
+        Requested number of states; None if an error was requested.
     stages : tuple of str
-        In which coordinates the stable part was reduced.
+        Coordinates in which the stable part was reduced.
     omega_range : (float, float) or None
         Frequency range [rad/s] of ``error_norm``; ``error_bound`` holds at all frequencies.  None for all.
     full_system : control.StateSpace or SecondOrderModel
@@ -115,29 +115,30 @@ class ReductionResult:
         return self._full.statespace("full") if isinstance(self._full, Lti) else self._full
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved."""
+        """Yield the claims that can be proved."""
         full, reduced = of(self._full, sampled=True), of(self._reduced, sampled=True)
-        stands = "the state space that stands for the structure" if isinstance(self._full, SecondOrderModel) else ""
+        approximation = (
+            "the state space that approximation for the structure" if isinstance(self._full, SecondOrderModel) else ""
+        )
         if self.retained_order:  # The response near their poles is exact, regardless of the last digits.
-            stands = "states that are kept as they are, but for rounding"
+            approximation = "states that are retained unchanged except for rounding"
         norm, stable = (0.0, self.error_norm, self.certificate.peak_omega), None if self.retained_order else True
-        yield Claim("the error", full, None, reduced, stable, norm, band=self.omega_range, rounded=stands)
+        yield Claim("the error", full, None, reduced, stable, norm, band=self.omega_range, rounded=approximation)
 
     def __repr__(self) -> str:
         ends = between(self._reduced.input_labels, self._reduced.output_labels)
-        kept = f", {self.retained_order} unstable or rigid-body states kept" if self.retained_order else ""
+        retained = f", {self.retained_order} unstable or rigid-body states kept" if self.retained_order else ""
         within = "" if self.omega_range is None else " from {:.6g} to {:.6g} rad/s".format(*self.omega_range)
         everywhere = within and " at all frequencies"
         error = f"error {self.error_norm:.6g}{within}, verified; bound {self.error_bound:.6g}{everywhere}"
-        asked = "" if self.requested_order in (None, self.order) else f" ({self.requested_order} asked for)"
-        return (
-            f"ReductionResult: {self.order} of {self.full_order} states{asked}, {self.method}: {ends}\n  {error}{kept}"
-        )
+        requested = "" if self.requested_order in (None, self.order) else f" ({self.requested_order} asked for)"
+        states = f"{self.order} of {self.full_order} states{requested}"
+        return f"ReductionResult: {states}, {self.method}: {ends}\n  {error}{retained}"
 
     @cached_property
     @one_blas_thread
     def curves(self) -> ReductionCurves:
-        """Singular values of the full system, of the reduced one and of their difference, computed when first asked for."""
+        """Singular values of the full and the reduced system and of their difference, computed on first access."""
         full, reduced, worst = SelectedSystem(self._full), SelectedSystem(self._reduced), self.certificate.peak_omega
         top = ABOVE * max(worst if worst < inf else 0.0, 0.0 if self.omega_range is None else self.omega_range[1])
         band = full.resonances()
@@ -147,20 +148,20 @@ class ReductionResult:
         return ReductionCurves(omega, singular_values(before), singular_values(after), error)
 
     def plot(self, ax: "Axes | None" = None, *, frequency_unit: str | None = None, **style: Any) -> "Axes":
-        """Draw singular values before and after, the error, and what it is proven not to exceed.
+        """Draw the singular values of the full and the reduced system, the error, and its verified bound.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on.  If None, a new figure is created.
         frequency_unit : {"Hz", "rad/s"}, optional
-            Of the frequency axis, by default Hz.
+            Unit of the frequency axis, by default Hz.
         **style
-            Of all curves, as matplotlib's lines take it.
+            Line properties of all curves, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.design").plot_reduction(self, ax, frequency_unit=frequency_unit, **style)

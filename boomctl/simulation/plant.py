@@ -14,7 +14,7 @@ from boomctl.lti.hold import changing, linear_hold, motion_coordinates, zero_ord
 from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.response.modal_form import handed_out, in_modes
+from boomctl.structure.response.modal_form import in_modes, user_state_space
 from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.poles import damper_forces, with_statics
 
@@ -96,7 +96,9 @@ def modal_plant(
         names = *(f"mode{k + 1}" for k in range(system.ncoordinates)), *structure.coordinates
         states = tuple(f"{name}.{part}" for name in names for part in ("x1", "x2"))
         small = system.ncoordinates <= _MODES
-        linear = handed_out(structure, ports, None) if small else in_modes(structure, ports, *basis(system, _MODES))
+        linear = (
+            user_state_space(structure, ports, None) if small else in_modes(structure, ports, *basis(system, _MODES))
+        )
         return replace(ModalPlant.of(linear), state_labels=states, units=system.units)
     return ModalPlant.of(of(system, "plant"))
 

@@ -1,8 +1,8 @@
-"""Assembly: a machine's description, and its equations of motion.
+"""Assembly: description of a machine, and its equations of motion.
 
-Where the parts are decides how a machine can move: its :class:`Mechanism`, the coordinates that the joints leave and the
-rows over them.  What the parts weigh and how stiff they are are the weights of these rows.  Machines that differ in
-weights alone share one mechanism, found once.
+The geometry of the parts determines the kinematics of a machine: its :class:`Mechanism`, the free coordinates and the rows
+over them.  Masses and stiffnesses are the weights of these rows.  Machines that differ only in weights share one mechanism,
+which is computed once.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from boomctl.structure.beams.exact import ExactLayout, ExactModel
 from boomctl.structure.beams.mesh import BeamMesh
 from boomctl.structure.elimination import eliminate
 from boomctl.structure.kinematics import Kinematics, Row, attachments, kinematics
-from boomctl.structure.layout import KEPT, Layout, Weights
+from boomctl.structure.layout import CACHE_SIZE, Layout, Weights
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import Line, Outline
@@ -34,14 +34,14 @@ from boomctl.structure.ports import Ports
 from boomctl.threads import one_blas_thread
 from boomctl.units import motion_unit
 
-_DRAWN = 10  # points of a picture on each element (a choice)
-_POINTS = (60, 600)  # on a beam at least and at most: finer than a picture shows (a choice)
-_UNEVEN = 0.41421356  # share of its length at which a free beam is cut in two: sqrt 2 - 1, no node of a low mode
+_DRAWN = 10  # Number of plotted points per element.
+_POINTS = (60, 600)  # Limits on the number of plotted points per beam.
+_UNEVEN = 0.41421356  # Fraction of its length at which a free beam is divided: sqrt 2 - 1, no node of a low mode.
 
 
 @dataclass(frozen=True)
 class Assembly:
-    """A planar, linear flexible multibody system: a tree of bodies, what connects them, forces and outputs.
+    """A planar, linear flexible multibody system: a tree of bodies, their connections, forces and outputs.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Assembly:
     Raises
     ------
     TypeError, ValueError
-        Something of another kind; two bodies, forces or outputs of one name; a body before its parent.
+        If a part has another type, if two bodies, forces or outputs have the same name, or if a body is before its parent.
 
     Examples
     --------
@@ -91,12 +91,12 @@ class Assembly:
                 if names.count(name) > 1:
                     raise ValueError(f"two of the assembly's {what} names are {name!r}")
         there, users = [Ground.name], [f"body {body.name!r}" for body in self.bodies]
-        for place, point in enumerate(self.points()):
+        for index, point in enumerate(self.points()):
             if point.body.name not in there:
-                user = (*users[place:], "a link, force, output or cut joint")[0]
+                user = (*users[index:], "a link, force, output or cut joint")[0]
                 known = f"expected one listed before: {sorted(there)}"
                 raise ValueError(f"{user} refers to body {point.body.name!r}; {known}")
-            there += [body.name for body in self.bodies[place : place + 1]]
+            there += [body.name for body in self.bodies[index : index + 1]]
 
     def __repr__(self) -> str:
         joints = f", {count(len(self.cut_joints), 'cut joint')}" if self.cut_joints else ""
@@ -105,13 +105,12 @@ class Assembly:
         return f"Assembly: {bodies}; {count(len(self.springs), 'link')}{joints}\n{ports}"
 
     def points(self) -> list[Point]:
-        """Return every point that something is attached to.
+        """Return all points of attachment.
 
         Returns
         -------
         list of Point
-            Joints of the bodies first, then ends of links, cut joints, forces and outputs; a point may stand there
-            twice.
+            Joints of the bodies first, then ends of links, cut joints, forces and outputs; a point may occur twice.
         """
         pairs = [(body.parent, None) for body in self.bodies]
         pairs += [(link.a, link.b) for link in (*self.springs, *self.cut_joints)]
@@ -143,18 +142,18 @@ class Assembly:
         structure = Structure(layout, weights, Outline(self))
         massless = np.flatnonzero(~layout.N[weights.m > 0.0].any(axis=0))
         if len(massless):
-            T, kept = _condensation(structure, ports, massless)
-            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in kept)), ports.restricted(T)
+            T, retained = _condensation(structure, ports, massless)
+            layout, ports = layout.congruent(T, tuple(layout.coordinates[i] for i in retained)), ports.restricted(T)
             structure = Structure(layout, weights, Outline(self, (T,)))
         return SecondOrderModel.of(structure, ports)
 
     def lines(self) -> tuple[Line, ...]:
-        """Return where the bodies are, and how they move with the coordinates that the joints leave.
+        """Return the positions of the bodies, and their motion with the free coordinates.
 
         Returns
         -------
         tuple of Line
-            A beam has points along its elements, a rigid body those at which something is attached.
+            A beam has points along its elements, a rigid body its points of attachment.
         """
         points = self.points()
         motion, T, _ = _moving(self, exact=False)
@@ -170,8 +169,8 @@ class Assembly:
                 shown = [body.at(x, y) for x, y in sorted({(point.x, point.y) for point in own} | center)]
             frames = [motion.motion(point) for point in shown]
             x, y = (motion.matrix(rows) @ T for rows in ([frame.x for frame in frames], [frame.y for frame in frames]))
-            places = np.array([(frame.x0, frame.y0) for frame in frames])
-            result.append(Line(body.name, isinstance(body, Beam), places, x, y))
+            positions = np.array([(frame.x0, frame.y0) for frame in frames])
+            result.append(Line(body.name, isinstance(body, Beam), positions, x, y))
         return tuple(result)
 
     @one_blas_thread
@@ -181,14 +180,14 @@ class Assembly:
         Returns
         -------
         ExactModel
-            Frequency responses and eigenfrequencies from the beams' differential equations; the beams' discretisations
+            Frequency responses and eigenfrequencies from the beams' differential equations; the beams' discretizations
             are not used.
         """
         mechanism = _mechanism(self, exact=True)
         segments = tuple(
-            replace(body.segments[place], length=float(length))
+            replace(body.segments[index], length=float(length))
             for body, mesh, lengths in zip(self._beams(), mechanism.meshes, mechanism.lengths, strict=True)
-            for place, length in zip(mesh.section, lengths, strict=True)
+            for index, length in zip(mesh.section, lengths, strict=True)
         )
         return ExactModel(mechanism.rows, self._weights(()), segments)
 
@@ -196,7 +195,7 @@ class Assembly:
         return [body for body in self.bodies if isinstance(body, Beam)]
 
     def _weights(self, meshes: Sequence[BeamMesh]) -> Weights:
-        """Return the weights of bodies, of beams as they move along their axis, and of links; below them, of meshes."""
+        """Return the weights of bodies, of axial motions of beams, and of links, followed by those of meshes."""
         moving: list[float] = []
         for body in self.bodies:
             if isinstance(body, RigidBody):
@@ -216,19 +215,19 @@ class Assembly:
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """How a machine can move over the coordinates that its joints leave, whatever it weighs.
+    """Kinematics of a machine over its free coordinates, independent of its masses and stiffnesses.
 
     Attributes
     ----------
     meshes : tuple of BeamMesh
-        Of its beams, in their order.
+        Meshes of its beams, in their order.
     rows : ExactLayout
         Rows and signals.  ``N``: centers of the bodies and beams along their axes; ``R``: elongations of the links.  Below
         them, unless the beams are exact, deflections and strains of the beams; of exact beams the ends of segments, ``S``.
     lengths : tuple of ndarray
-        Of the segments of exact beams [m].
+        Lengths of the segments of exact beams [m].
     idle : tuple of str
-        Links, forces and outputs along whose direction nothing can move, in words.
+        Descriptions of links, forces and outputs without motion along their direction.
     """
 
     meshes: tuple[BeamMesh, ...]
@@ -238,10 +237,10 @@ class Mechanism:
 
 
 def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
-    """Return the mechanism of a machine, its beams discretised or exact; warn of links, forces and outputs without motion."""
+    """Return the mechanism of a machine, its beams discretized or exact; warn of links, forces and outputs without motion."""
     known = all(type(beam.discretization) in (FiniteElements, DiscreteElements) for beam in assembly._beams())
     find = _find_mechanism if known else _find_mechanism.__wrapped__
-    result = find(_Place(_where(assembly), exact, assembly))
+    result = find(_Geometry(_where(assembly), exact, assembly))
     if result.idle:
         warn_user(
             f"No motion for {', '.join(result.idle)}: the joints constrain the point in that direction. Check the direction."
@@ -250,8 +249,8 @@ def _mechanism(assembly: Assembly, exact: bool) -> Mechanism:
 
 
 @dataclass(frozen=True)
-class _Place:
-    """Where the parts of a machine are: equal to that of every machine that moves alike."""
+class _Geometry:
+    """Cache key: the geometry of a machine, which is equal for machines with the same kinematics."""
 
     where: tuple[Hashable, ...]
     exact: bool
@@ -259,7 +258,7 @@ class _Place:
 
 
 def _where(assembly: Assembly) -> tuple[Hashable, ...]:
-    """Return everything that rows depend on."""
+    """Return all data on which the rows depend."""
 
     def at(point: Point | None) -> Hashable:
         return None if point is None else (point.body.name, point.x, point.y)
@@ -285,9 +284,9 @@ def _where(assembly: Assembly) -> tuple[Hashable, ...]:
     )
 
 
-@lru_cache(maxsize=KEPT)
-def _find_mechanism(place: _Place) -> Mechanism:
-    assembly, exact = place.assembly, place.exact
+@lru_cache(maxsize=CACHE_SIZE)
+def _find_mechanism(key: _Geometry) -> Mechanism:
+    assembly, exact = key.assembly, key.exact
     beams = assembly._beams()
     motion, T, names = _moving(assembly, exact)
     index, meshes = motion.index, tuple(motion.meshes.values())
@@ -357,9 +356,9 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
 def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array:
     """Return the lengths of an exact beam's segments.
 
-    They are measured between the points attached, and taken from the sections: a difference of stations, which count
-    from the beam's start, has lost digits where a segment is short.  Lengths that differ by no more than that are one,
-    so that segments alike are computed once.
+    They are distances between attachments, or lengths of segments of the beam: a difference of stations, which are relative
+    to the start of the beam, is inaccurate for a short segment.  Lengths that are equal to within this error are identified,
+    so that equal segments are computed once.
     """
     lengths, lost = np.diff(nodes), CANCELLED * beam.length
     attached = [beam.parent, *(point for point in points if point.body.name == beam.name)]
@@ -368,7 +367,7 @@ def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array
     for i, ends in enumerate(pairwise(nodes)):
         near, sections = ([np.flatnonzero(np.abs(x - end) <= lost)[:1] for end in ends] for x in (stations, marks))
         if all(map(len, near)):
-            a, b = (attached[places[0]] for places in near)
+            a, b = (attached[indices[0]] for indices in near)
             lengths[i] = hypot(b.x - a.x, b.y - a.y)
         elif all(map(len, sections)) and sections[1][0] == sections[0][0] + 1:
             lengths[i] = beam.segments[sections[0][0]].length
@@ -396,24 +395,24 @@ def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], A
 
 
 def _condensation(structure: Structure, ports: Ports, massless: Array) -> tuple[Array, Array]:
-    """Return the map that lets massless coordinates follow the others statically, which is exact for them.
+    """Return the static condensation of massless coordinates.
 
-    It is exact as long as nothing but beams with one common damping constant acts on them.
+    It is exact if only beams with one common damping constant act on them.
     """
     (k, c), names, K = (structure.weights.k, structure.weights.c), structure.coordinates, structure.K
     acting = structure.layout.R[:, massless] != 0.0
     rows = acting.any(axis=1)
     ratio = c[rows].sum() / k[rows].sum() if k[rows].any() else 0.0
     uneven = rows & (np.abs(c - ratio * k) > ALIKE * c[rows].max(initial=0.0))
-    refused = np.flatnonzero(acting[uneven].any(axis=0) | ports.B[0][massless].any(axis=1))
-    if len(refused):
-        name = names[massless[refused[0]]]
+    blocked = np.flatnonzero(acting[uneven].any(axis=0) | ports.B[0][massless].any(axis=1))
+    if len(blocked):
+        name = names[massless[blocked[0]]]
         raise ValueError(f"a damper or torque acts on coordinate {name!r}, which has no inertia: give it some")
     weak = np.flatnonzero(~acting[k > 0.0].any(axis=0))
     if len(weak):
         raise ValueError(f"coordinate {names[massless[weak[0]]]!r} has neither inertia nor stiffness: give it some")
-    kept = np.delete(np.arange(structure.n), massless)
-    T = np.zeros((structure.n, len(kept)))
-    T[kept, np.arange(len(kept))] = 1.0
-    T[massless] = -linalg.solve(K[massless][:, massless], K[massless][:, kept], assume_a="pos")
-    return T, kept
+    retained = np.delete(np.arange(structure.n), massless)
+    T = np.zeros((structure.n, len(retained)))
+    T[retained, np.arange(len(retained))] = 1.0
+    T[massless] = -linalg.solve(K[massless][:, massless], K[massless][:, retained], assume_a="pos")
+    return T, retained

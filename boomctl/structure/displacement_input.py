@@ -1,6 +1,6 @@
 """From force inputs to displacement inputs: support motions, actuator lengths, closed chains.
 
-Source: Anthonis & Ramon (2003), Eqs. (2)-(12) and appendix A, with the signs mended.
+Source: Anthonis & Ramon (2003), Eqs. (2)-(12) and appendix A, with corrected signs.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ import numpy as np
 from boomctl.arrays import Array, combined
 from boomctl.checks import instance, known, mapping, names, truth
 from boomctl.structure.elimination import Elimination, eliminate
-from boomctl.structure.layout import KEPT, Layout, Weights, weigh
+from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, weigh
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.outline import mapped
@@ -43,29 +43,29 @@ def prescribe_displacement(
     inputs : str or sequence of str
         Force inputs whose displacement becomes the input; they keep their names.
     hold : str or sequence of str
-        Force inputs whose displacement is held at zero, as in a kinematic chain that is closed again; these inputs go.
+        Force inputs whose displacement is held at zero, as in a closed kinematic chain; these inputs are removed.
     motion : "displacement", "velocity" or "acceleration", or mapping from input to one of these
-        What the user imposes at ``inputs``.
+        Quantity that is imposed at ``inputs``.
     reactions : bool
         Add outputs ``name_force``: the forces needed to impose the motions of ``inputs`` and ``hold``, Eq. (7).
 
     Returns
     -------
     SecondOrderModel
-        Of ``len(inputs) + len(hold)`` coordinates fewer, with the same outputs, other force inputs kept.
+        Model with ``len(inputs) + len(hold)`` coordinates fewer, and the same outputs and other force inputs.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of model; unknown names; displacements that depend on each other; a model with displacement inputs
-        already: all are to be prescribed in one call.
+        If `model` has another type or already has displacement inputs (prescribe all in one call), if a name is unknown, or
+        if displacements depend on each other.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> driven = bc.spray_boom(excitation="force")
     >>> held = bc.structure.prescribe_displacement(driven, ["actuator_left", "actuator_right"])
-    >>> driven.ncoordinates, held.ncoordinates  # two coordinates are given now
+    >>> driven.ncoordinates, held.ncoordinates  # two coordinates are prescribed
     (16, 14)
     >>> held.eigenfrequencies_hz(2).round(3)
     array([0.245, 0.587])
@@ -96,7 +96,7 @@ def prescribe_displacement(
     return SecondOrderModel.of(structure, ports)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHE_SIZE)
 def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, Layout]:
     """Return the elimination of the columns of ``names``, and rows over the independent coordinates and the imposed ones."""
     choice = eliminate(np.frombuffer(columns).reshape(layout.n, len(names)), names)
@@ -132,27 +132,27 @@ def _prescribed(
     orders: Mapping[str, int],
     reactions: bool,
 ) -> Ports:
-    """Return the ports of the displacement-driven structure: ``moved`` become motions, ``held`` go, the order stays.
+    """Return the ports of the displacement-driven structure: ``moved`` become motions, ``held`` are removed.
 
     ``imposed`` are elastic rows over the imposed displacements, ``forces`` those of :func:`_imposing_forces`.
     """
-    kept, T_d, both = tuple(name for name in old.inputs if name not in held), choice.T_d, moved + held
-    stay = old if kept == old.inputs else old.select(kept, None)
+    remaining, T_d, both = tuple(name for name in old.inputs if name not in held), choice.T_d, moved + held
+    stay = old if remaining == old.inputs else old.select(remaining, None)
     force = stay.restricted(choice.T_q)
     B, L, E = force.B.copy(), force.L, force.E.copy()
-    places, (across, among) = [kept.index(name) for name in moved], forces
-    B[:, :, places] = -across[:, :, : len(places)]
-    through = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(places)])
-    E[:, :, places] = through.reshape(*E.shape[:2], len(places))
+    columns, (across, among) = [remaining.index(name) for name in moved], forces
+    B[:, :, columns] = -across[:, :, : len(columns)]
+    through = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(columns)])
+    E[:, :, columns] = through.reshape(*E.shape[:2], len(columns))
     outputs, bandwidths = old.outputs, old.bandwidths
     direct = old.E[0][:, [old.inputs.index(name) for name in both]]
     tensions, strains = old.tensions, None
     if imposed is not None:
-        strains = np.zeros((len(imposed), len(kept)))
-        strains[:, places] = imposed[:, : len(places)]
+        strains = np.zeros((len(imposed), len(remaining)))
+        strains[:, columns] = imposed[:, : len(columns)]
     if reactions or direct.any():  # Rows of Eq. (7), upper part: f_p = M_dd d'' + M_dq q'' + ... - F_d f.
         force_L, force_E = across.transpose(0, 2, 1), -(T_d.T @ stay.B)
-        force_E[:, :, places] = among[:, :, : len(places)]
+        force_E[:, :, columns] = among[:, :, : len(columns)]
         L, E = L + direct @ force_L, E + direct @ force_E
         if imposed is not None:
             tensions = direct @ imposed.T + (0.0 if tensions is None else tensions)
@@ -168,13 +168,13 @@ def _prescribed(
     return replace(
         old,
         units=units,
-        inputs=kept,
+        inputs=remaining,
         outputs=outputs,
         B=B,
         L=L,
         E=E,
-        moved=tuple(name in moved for name in kept),
-        integrators=tuple(orders.get(name, 0) for name in kept),
+        moved=tuple(name in moved for name in remaining),
+        integrators=tuple(orders.get(name, 0) for name in remaining),
         bandwidths=bandwidths,
         strains=strains,
         tensions=tensions,

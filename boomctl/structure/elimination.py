@@ -1,4 +1,4 @@
-"""Rank-revealing choice of dependent coordinates: the one step behind joints, held chains and displacement inputs.
+"""Rank-revealing choice of dependent coordinates: used for joints, closed chains and displacement inputs.
 
 ``n_d`` rows ``J^T z = d`` are solved for ``n_d`` coordinates, ``z_r = J_r^-T d - J_r^-T J_s^T z_s``, so that
 ``z = T_d d + T_q z_s``.  Source: Anthonis & Ramon (2003), Eqs. (3), (5), (6).
@@ -12,12 +12,12 @@ from scipy import linalg
 
 from boomctl.arrays import ROUNDED, Array, combined
 
-DEPENDENT = 1e-10  # of the largest pivot, or of what was there; what differs by less depends on the others (a choice)
+DEPENDENT = 1e-10  # Pivot or remaining norm, relative to the largest or original one, below which it is dependent.
 
 
 @dataclass(frozen=True)
 class Elimination:
-    """The congruence ``z = T_d d + T_q z_s`` and the places of the independent coordinates (s)."""
+    """The congruence ``z = T_d d + T_q z_s`` and the indices of the independent coordinates (s)."""
 
     independent: Array
     T_d: Array
@@ -32,9 +32,9 @@ def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> E
     J : (n, n_d) ndarray
         Its columns are the rows prescribed.
     names : sequence of str
-        What each column is called, for messages.
+        Name of each column, for messages.
     weights : (n,) ndarray, optional
-        Preference: a coordinate of larger weight is rather made dependent.
+        Preference: coordinates of larger weight become dependent first.
 
     Raises
     ------
@@ -50,12 +50,12 @@ def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> E
     pivots = np.sort(linalg.qr(scaled, mode="r", pivoting=True)[1][:count])
     dependent = touched[pivots]
     rest = np.delete(np.arange(len(touched)), pivots)
-    # conditions as large as one, and coordinates by what they move of them, so that what rounding leaves is told by its size
+    # Normalized conditions and coordinates, so that rounding error is identified by its magnitude.
     unit = block / norms
     size = np.abs(unit).max(axis=1)
     even = unit / size[:, None]
-    inverse = _told(np.linalg.inv(even[pivots].T))
-    coupling = _told(combined(-inverse, even[rest].T)) * (size[rest] / size[pivots][:, None])
+    inverse = _without_rounding(np.linalg.inv(even[pivots].T))
+    coupling = _without_rounding(combined(-inverse, even[rest].T)) * (size[rest] / size[pivots][:, None])
     inverse = inverse / (size[pivots][:, None] * norms)
     independent = np.delete(np.arange(n), dependent)
     T_d, T_q = np.zeros((n, count)), np.zeros((n, n - count))
@@ -65,8 +65,8 @@ def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> E
     return Elimination(independent, T_d, T_q)
 
 
-def _told(matrix: Array) -> Array:
-    """Return a matrix of entries alike without those that are rounding of the largest one."""
+def _without_rounding(matrix: Array) -> Array:
+    """Return a matrix of entries of similar magnitude with zeros for those below rounding of the largest one."""
     return np.where(np.abs(matrix) > ROUNDED * np.abs(matrix).max(initial=0.0), matrix, 0.0)
 
 

@@ -19,19 +19,19 @@ from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.threads import one_blas_thread
 
-_EXACT = 0.1  # of what a family is checked to, by which polynomials may miss what they are fitted to (a choice)
+_EXACT = 0.1  # Largest error of the fitted polynomials, as a fraction of the tolerance of the check.
 
 
 @dataclass(frozen=True)
 class Slope:
-    """How matrices change from the center of a parameter's range to its upper end.
+    """Change of the matrices from the center of a parameter's range to its upper limit.
 
     Attributes
     ----------
     M, C, K : (n, n) ndarray
         Changes of the mass, damping and stiffness matrix.
     B, L : ndarray
-        Changes of the columns of the inputs, and of what the outputs read; by default these stay.
+        Changes of the columns of the inputs and the rows of the outputs; zero by default.
     """
 
     M: Array
@@ -45,7 +45,7 @@ class Slope:
 
 @dataclass(frozen=True, repr=False)
 class Family:
-    """Structures over a box of parameters: the nominal one, and polynomials of the parameters that change its matrices."""
+    """Structures over a parameter box: the nominal structure, and polynomials of the parameters that change its matrices."""
 
     _made_by = "boom_family(), AffineFamily.from_function(...) or .family(...) of a hub-beam"
     _no: ClassVar[str]
@@ -86,7 +86,7 @@ class Family:
 
     @property
     def _unfelt(self) -> tuple[int, ...]:
-        """Coordinates whose position nothing in the structure feels: left out of a loop that does not read them."""
+        """Indices of the ignorable coordinates, which are omitted from a loop that does not read them."""
         return tuple(self.nominal.coordinates.index(name) for name in self.ignorable_coordinates)
 
     @property
@@ -96,7 +96,7 @@ class Family:
 
     @cached_property
     def _often(self) -> Array:
-        """How often each term has each parameter as a factor."""
+        """Exponent of each parameter in each term."""
         often = [[power.count(i) for i in range(self.nparameters)] for power, _ in self.coefficients]
         return np.array(often).reshape(len(often), self.nparameters)
 
@@ -106,12 +106,12 @@ class Family:
         return {name: (float(a), float(b)) for name, a, b in zip(self.names, self.low, self.high, strict=True)}
 
     def normalize(self, values: Mapping[str, float]) -> Array:
-        """Return parameter values as ``delta``, from -1 at the lower end of a range to 1 at the upper.
+        """Return parameter values as ``delta``, from -1 at the lower limit of a range to 1 at the upper limit.
 
         Parameters
         ----------
         values : mapping from name to float
-            Values of parameters, in their units; those left out are in the middle of their range.
+            Values of parameters, in their units; the default is the center of the range.
 
         Returns
         -------
@@ -121,13 +121,13 @@ class Family:
         Raises
         ------
         TypeError, ValueError
-            An unknown parameter; values that are not finite.
+            If a parameter is unknown or a value is not finite.
         """
         for name in mapping("values", values, "parameters to numbers"):
             known("parameter", name, self.names)
         middle, width = 0.5 * (self.low + self.high), 0.5 * (self.high - self.low)
-        given = np.array([real(n, values.get(n, middle[i])) for i, n in enumerate(self.names)])
-        return (given - middle) / width
+        point = np.array([real(n, values.get(n, middle[i])) for i, n in enumerate(self.names)])
+        return (point - middle) / width
 
     def denormalize(self, delta: ArrayLike) -> dict[str, float]:
         """Return ``delta`` as parameter values.
@@ -135,7 +135,7 @@ class Family:
         Parameters
         ----------
         delta : (k,) array_like
-            Place in the box, from -1 to 1 across each range, in the order of ``names``.
+            Point in the box, from -1 to 1 across each range, in the order of ``names``.
 
         Returns
         -------
@@ -145,7 +145,7 @@ class Family:
         Raises
         ------
         TypeError, ValueError
-            Not as many numbers as parameters, or not finite.
+            If the number of values differs from that of the parameters, or if a value is not finite.
         """
         d = self._delta(delta)
         result = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * d
@@ -158,7 +158,7 @@ class Family:
         Parameters
         ----------
         delta : (k,) array_like
-            Place in the box, from -1 to 1 across each range; beyond these the family is extrapolated.
+            Point in the box, from -1 to 1 across each range; beyond these the family is extrapolated.
 
         Returns
         -------
@@ -168,12 +168,12 @@ class Family:
         Raises
         ------
         TypeError, ValueError
-            Not as many numbers as parameters, or not finite.
+            If the number of values differs from that of the parameters, or if a value is not finite.
         """
-        c, shares = self.nominal, shares_of(self, self._delta(delta)).tolist()
-        terms = [term for term in zip(shares, self.coefficients, strict=True) if term[0]]
+        c, products = self.nominal, products_of(self, self._delta(delta)).tolist()
+        terms = [term for term in zip(products, self.coefficients, strict=True) if term[0]]
         M, C, K, B, L = (
-            getattr(middle, letter) + sum(share * getattr(slope, letter) for share, (_, slope) in terms)
+            getattr(middle, letter) + sum(product * getattr(slope, letter) for product, (_, slope) in terms)
             for letter, middle in zip("MCKBL", (c, c, c, c.ports, c.ports), strict=True)
         )
         structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror)
@@ -186,49 +186,49 @@ class Family:
             raise ValueError(f"delta has {len(d)} entries; expected {len(self.names)}: {', '.join(self.names)}")
         return d
 
-    def _check(self, made: Sequence[SecondOrderModel]) -> None:
-        """Raise if the family differs from what a function makes at a corner of the box or a point drawn inside it."""
+    def _check(self, items: Sequence[SecondOrderModel]) -> None:
+        """Raise if the family differs from ``items`` at a vertex of the box or a random point inside it."""
         points = tried_points(self.nparameters)
-        wanted, mine = (_matrices(made[0], models, "MCKBLE") for models in (made, [self.at(delta) for delta in points]))
-        sizes = _sizes(wanted)
+        exact, own = (_matrices(items[0], models, "MCKBLE") for models in (items, [self.at(delta) for delta in points]))
+        sizes = _sizes(exact)
         for letter in "MCKBLE":
-            # an entry of a signal is compared with the largest of its derivative
+            # An entry of a signal is compared with the largest of its derivative.
             size = sizes[letter] if letter in "MCK" else sizes[letter].max(axis=(1, 2), initial=0.0)[:, None, None]
-            off = np.argwhere(np.abs(mine[letter] - wanted[letter]) > ALIKE * size)
+            off = np.argwhere(np.abs(own[letter] - exact[letter]) > ALIKE * size)
             if len(off):
                 name = letter if letter in "MCK" else f"{letter}{off[0][1]}"
                 where = ", ".join(f"{key} = {value:.6g}" for key, value in self.denormalize(points[off[0][0]]).items())
                 raise ValueError(
-                    f"{name} is {self._no} {', '.join(self.names)}: the family misses what was made at {where}"
+                    f"{name} is {self._no} {', '.join(self.names)}: the family differs from the structure at {where}"
                 )
 
 
 @dataclass(frozen=True, repr=False)
 class AffineFamily(Family):
-    """A family of structures whose matrices depend on uncertain parameters in a straight line (affinely).
+    """A family of structures whose matrices are affine in uncertain parameters.
 
-    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``; ``C``, ``K``, the columns
-    of the inputs and what the outputs read alike.  `AffineFamily.from_function` makes one.
+    With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_i delta_i M_i``, and equally for ``C``,
+    ``K``, the columns of the inputs and the rows of the outputs.  See `AffineFamily.from_function`.
 
     Attributes
     ----------
     names : tuple of str
         Names of the parameters.
     low, high : (k,) ndarray
-        Lower and upper ends of their ranges, in the parameters' units.
+        Lower and upper limits of their ranges, in the parameters' units.
     nominal : SecondOrderModel
-        The structure in the middle of the box.
+        The structure at the center of the box.
     coefficients : tuple of (tuple of int, Slope)
-        For each parameter its number from zero, as ``(0,)``, and how the matrices change from the middle of its range to
-        the upper end.
+        For each parameter its index from zero, as ``(0,)``, and the change of the matrices from the center of its range to
+        the upper limit.
     ignorable_coordinates : tuple of str
-        As of `PolynomialFamily`.
+        See `PolynomialFamily`.
 
     Raises
     ------
     TypeError, ValueError
-        Not as many ends as names; ends that do not ascend; an unknown parameter; unknown coordinates; a center that is not
-        a SecondOrderModel.
+        If the numbers of limits and names differ, if limits do not ascend, if a parameter or coordinate is unknown, or if
+        the center is not a SecondOrderModel.
 
     Examples
     --------
@@ -247,65 +247,65 @@ class AffineFamily(Family):
     def from_function(
         cls, ranges: Mapping[str, tuple[float, float]], function: Callable[[Mapping[str, float]], SecondOrderModel]
     ) -> AffineFamily:
-        """Return the family through the structures that a function makes.
+        """Return the family through the structures that a function returns.
 
-        It is checked at every corner of the box, of more than ten parameters at a thousand drawn ones, and at points inside.
+        It is checked at every vertex of the box (for more than ten parameters at a thousand random ones), and inside.
 
         Parameters
         ----------
         ranges : mapping from name to (low, high)
-            The parameters and the ends of their ranges, ascending.
+            The parameters and the limits of their ranges, ascending.
         function : function
-            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must depend on them affinely.
+            Returns a `SecondOrderModel` for a mapping of parameter values; its matrices must be affine in them.
 
         Returns
         -------
         AffineFamily
-            The structures over that box.
+            The structures over the box.
 
         Raises
         ------
         TypeError, ValueError
-            Empty or reversed ranges; structures of different signals; a corner or a point inside that the affine family
-            misses, or outputs that feel an input otherwise from point to point.
+            If ranges are empty or reversed, if structures have different signals, if the affine family differs from the
+            structure at a vertex or a point inside, or if a feedthrough from an input to an output varies.
         """
         names, low, high, at = _box(ranges, function)
         center = at(np.zeros(len(names)))
         stacks = _matrices(center, [center, *(at(unit) for unit in np.eye(len(names)))])
-        slopes = tuple(((i,), Slope(*(X[i + 1] - X[0] for X in stacks.values()))) for i in range(len(names)))
-        family = cls(names, low, high, center, slopes)
+        changes = tuple(((i,), Slope(*(X[i + 1] - X[0] for X in stacks.values()))) for i in range(len(names)))
+        family = cls(names, low, high, center, changes)
         family._check([at(delta) for delta in tried_points(len(names))])
         return family
 
 
 @dataclass(frozen=True, repr=False)
 class PolynomialFamily(Family):
-    """A family of structures whose matrices are polynomials of uncertain parameters, as a rotating beam's of its speed.
+    """A family of structures whose matrices are polynomials of uncertain parameters, as of the speed of a rotating beam.
 
     With ``delta`` from -1 to 1 across the range of each parameter, ``M = M_0 + sum_p delta^p M_p`` over products
-    ``delta^p`` of them; ``C``, ``K``, the columns of the inputs and what the outputs read alike.
-    `PolynomialFamily.from_function` makes one.
+    ``delta^p`` of them, and equally for ``C``, ``K``, the columns of the inputs and the rows of the outputs.
+    See `PolynomialFamily.from_function`.
 
     Attributes
     ----------
     names : tuple of str
         Names of the parameters.
     low, high : (k,) ndarray
-        Lower and upper ends of their ranges, in the parameters' units.
+        Lower and upper limits of their ranges, in the parameters' units.
     nominal : SecondOrderModel
-        The structure in the middle of the box.
+        The structure at the center of the box.
     coefficients : tuple of (tuple of int, Slope)
-        Products of parameters, each named by its factors, ``(0, 0, 1)`` for the square of the first times the second, and
-        what they are multiplied by.
+        Products of parameters, each specified by its factors, ``(0, 0, 1)`` for the square of the first times the second,
+        and their coefficients.
     ignorable_coordinates : tuple of str
-        Coordinates whose position nothing in the structure feels, as a hub's angle: proofs leave the integrator out
-        where the controller does not read them.
+        Coordinates whose position does not enter the equations, such as a hub's angle.  Proofs omit the integrator if
+        the controller does not read them.
 
     Raises
     ------
     TypeError, ValueError
-        Not as many ends as names; ends that do not ascend; products of unknown parameters; unknown coordinates; a center
-        that is not a SecondOrderModel.
+        If the numbers of limits and names differ, if limits do not ascend, if a product has an unknown parameter, if a
+        coordinate is unknown, or if the center is not a SecondOrderModel.
 
     Examples
     --------
@@ -326,43 +326,43 @@ class PolynomialFamily(Family):
         degree: int = 16,
         free: Sequence[str] = (),
     ) -> PolynomialFamily:
-        """Return the family through the structures that a function makes, by least squares.
+        """Return the family through the structures that a function returns, by least squares.
 
-        Coefficients that are rounding are left out.  The family is checked at every corner of the box, of more than ten
-        parameters at a thousand drawn ones, and at points drawn inside it: entries are met to 1e-9.
+        Coefficients below rounding are omitted.  The family is checked to 1e-9 at every vertex of the box (for more than
+        ten parameters at a thousand random ones), and at random points inside it.
 
         Parameters
         ----------
         ranges : mapping from name to (low, high)
-            The parameters and the ends of their ranges, ascending.
+            The parameters and the limits of their ranges, ascending.
         function : function
-            Makes a `SecondOrderModel` from a mapping of parameter values; its matrices must be polynomials of them, or
-            as smooth as one.
+            Returns a `SecondOrderModel` for a mapping of parameter values; its matrices must be polynomials of them, or
+            equally smooth.
         degree : int
-            Largest power of a parameter that is tried; what is needed is found.
+            Limit on the power of a parameter; the required power is determined automatically.
         free : sequence of str
-            As of the family.
+            Ignorable coordinates of the family.
 
         Returns
         -------
         PolynomialFamily
-            The structures over that box.
+            The structures over the box.
 
         Raises
         ------
         TypeError, ValueError
-            Empty or reversed ranges; structures of different signals; a corner or a point inside that the family misses, or
-            outputs that feel an input otherwise from point to point; polynomials of too many terms.
+            If ranges are empty or reversed, if structures have different signals, if the family differs from the structure at
+            a vertex or a point inside, if a feedthrough from an input to an output varies, or if there are too many terms.
         """
         names, low, high, at = _box(ranges, function)
-        tried, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
+        structures, most = [at(delta) for delta in tried_points(len(names))], whole("degree", degree)
         center = at(np.zeros(len(names)))
 
         def matrices(points: Sequence[Array]) -> dict[str, Array]:
-            return _matrices(tried[0], [at(delta) for delta in points])
+            return _matrices(structures[0], [at(delta) for delta in points])
 
         counts = [points_along(matrices, axis, _negligible, most) for axis in np.eye(len(names))]
-        samples, what = _matrices(tried[0], tried), f"family of {listed(names)}"
+        samples, what = _matrices(structures[0], structures), f"family of {listed(names)}"
         result, _, _ = fitted(matrices, counts, samples, _negligible, _EXACT * ALIKE / SUMMED, what)
         powers = sorted({power for X in result.values() for power in X if power}, key=lambda power: (len(power), power))
         changes = tuple(
@@ -370,18 +370,18 @@ class PolynomialFamily(Family):
             for power in powers
         )
         family = cls(names, low, high, center, changes, tuple(free))
-        family._check(tried)
+        family._check(structures)
         return family
 
 
-def _matrices(first: SecondOrderModel, made: Sequence[SecondOrderModel], letters: str = "MCKBL") -> dict[str, Array]:
-    """Return matrices of structures and of their signals, stacked; refused where signals are not those of the first."""
-    for item in made:
+def _matrices(first: SecondOrderModel, items: Sequence[SecondOrderModel], letters: str = "MCKBL") -> dict[str, Array]:
+    """Return the stacked matrices of structures and signals; raise ValueError if signals differ from those of ``first``."""
+    for item in items:
         same_signals = (item.input_labels, item.output_labels) == (first.input_labels, first.output_labels)
         if not same_signals or item.ncoordinates != first.ncoordinates:
             raise ValueError("the structures of a family must have the same coordinates, inputs and outputs")
     return {
-        letter: np.array([getattr(item if letter in "MCK" else item.ports, letter) for item in made])
+        letter: np.array([getattr(item if letter in "MCK" else item.ports, letter) for item in items])
         for letter in letters
     }
 
@@ -391,26 +391,26 @@ def _negligible(stacks: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _sizes(stacks: Mapping[str, Array]) -> dict[str, Array]:
-    """Return the size of each entry, by which rounding is judged: of what may cancel, that of what it goes with.
+    """Return the magnitude of each entry as a reference for rounding; for entries that may cancel that of related entries.
 
-    Masses and stiffnesses go with the diagonals beside them, a coordinate without stiffness counting with the least rate of
-    the others; dampings and gyroscopic terms go with the largest rate.
+    Masses and stiffnesses are related to the diagonals of their row and column, where a coordinate without stiffness has the
+    least rate of the others.  Dampings and gyroscopic terms are related to the largest rate.
     """
     result = {letter: np.abs(stack).max(axis=0) for letter, stack in stacks.items()}
     mass, stiffness = np.diag(result["M"]), np.diag(result["K"])
     squares = np.divide(stiffness, mass, out=np.zeros_like(mass), where=mass > 0.0)
     stiffness = np.maximum(stiffness, mass * squares[squares > 0.0].min(initial=np.inf if squares.any() else 0.0))
-    beside: dict[str, Any] = {"M": np.sqrt(np.outer(mass, mass)), "K": np.sqrt(np.outer(stiffness, stiffness))}
-    rates = np.divide(result["C"], beside["M"], out=np.zeros_like(result["C"]), where=beside["M"] > 0.0)
-    beside["C"] = rates.max(initial=0.0) * beside["M"]
-    beside["L"] = result["L"].max(axis=-1, keepdims=True) if "L" in result else 0.0  # of what an output reads beside it
-    return {letter: np.maximum(size, beside.get(letter, 0.0)) for letter, size in result.items()}
+    reference: dict[str, Any] = {"M": np.sqrt(np.outer(mass, mass)), "K": np.sqrt(np.outer(stiffness, stiffness))}
+    rates = np.divide(result["C"], reference["M"], out=np.zeros_like(result["C"]), where=reference["M"] > 0.0)
+    reference["C"] = rates.max(initial=0.0) * reference["M"]
+    reference["L"] = result["L"].max(axis=-1, keepdims=True) if "L" in result else 0.0  # Of the same output.
+    return {letter: np.maximum(size, reference.get(letter, 0.0)) for letter, size in result.items()}
 
 
 def _box(
     ranges: Mapping[str, tuple[float, float]], make: Callable[[Mapping[str, float]], SecondOrderModel]
 ) -> tuple[tuple[str, ...], Array, Array, Callable[[Array], SecondOrderModel]]:
-    """Return names and ends of a box of parameters that a user hands in, and what is made at a place in it."""
+    """Return names and limits of a parameter box passed by the user, and the function from a point in it to a structure."""
     if not mapping("ranges", ranges, "parameters to pairs"):
         raise ValueError("ranges: expected at least one parameter")
     names = tuple(signal_name("parameter", name) for name in ranges)
@@ -424,16 +424,16 @@ def _box(
     return names, low, high, at
 
 
-def shares_of(family: Family, delta: Array) -> Array:
-    """Return the products of ``delta``s by which the terms of a family are multiplied at a point of its box."""
+def products_of(family: Family, delta: Array) -> Array:
+    """Return the products of ``delta`` that multiply the terms of a family at a point of its box."""
     return np.asarray((delta**family._often).prod(axis=1))
 
 
-def interval(name: str, given: object) -> tuple[float, float]:
-    """Return the ends of a parameter's range, refused unless they are two ascending numbers."""
-    if not isinstance(given, (tuple, list, np.ndarray)) or getattr(given, "ndim", 1) == 0 or len(given) != 2:
-        raise TypeError(f"range of {name} = {given!r}: expected two ascending numbers")
-    low, high = real(f"range of {name}", given[0]), real(f"range of {name}", given[1])
+def interval(name: str, limits: object) -> tuple[float, float]:
+    """Return the checked limits of a parameter's range, two ascending numbers."""
+    if not isinstance(limits, (tuple, list, np.ndarray)) or getattr(limits, "ndim", 1) == 0 or len(limits) != 2:
+        raise TypeError(f"range of {name} = {limits!r}: expected two ascending numbers")
+    low, high = real(f"range of {name}", limits[0]), real(f"range of {name}", limits[1])
     if low >= high:
         raise ValueError(f"range of {name} = ({low:g}, {high:g}): expected two ascending numbers")
     return low, high

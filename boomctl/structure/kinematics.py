@@ -27,14 +27,14 @@ class Row:
     terms : (n,) or () ndarray
         Coefficients of the coordinates.
     sizes : (n,) or () ndarray
-        Largest number that each coefficient was summed from: what is far below it is rounding.
+        Largest term of the sum of each coefficient; values far below it are rounding error.
     """
 
     terms: Array = field(default_factory=lambda: np.zeros(()))
     sizes: Array = field(default_factory=lambda: np.zeros(()))
 
     def scaled(self, factor: float, size: float) -> "Row":
-        """Return the row times a factor that was computed from numbers as large as ``size``; zero if it is rounding."""
+        """Return the row times a factor with terms of magnitude ``size``; zero if the factor is rounding error."""
         if abs(factor) <= CANCELLED * size:
             return Row()
         return Row(factor * self.terms, size * self.sizes)
@@ -76,14 +76,14 @@ class Kinematics:
     Attributes
     ----------
     index : mapping from coordinate to int
-        Places of all coordinates, those that joints will take away included.
+        Indices of all coordinates, including those that joints eliminate.
     weights : ndarray
-        Preference: a coordinate of larger weight is rather made dependent.
+        Preference: coordinates of larger weight become dependent first.
     meshes : mapping from beam to BeamMesh
     frames : mapping from body to Frame
         Motion of each body's frame at its joint.
     held : list of (str, Row)
-        Motions that joints and cut joints hold at zero, each with its name in messages.
+        Motions that joints and cut joints constrain to zero, each with its name in messages.
     """
 
     index: Mapping[str, int]
@@ -121,8 +121,8 @@ class Kinematics:
         mesh, station = self.meshes[beam.name], beam.station(point.x, point.y)
         first, rows = self.index[f"{beam.name}.{mesh.names[0]}"], np.zeros((2, len(self.index)))
         for derivative in (0, 1):
-            places, values = mesh.interpolation(station, derivative)
-            rows[derivative, first + places] = values
+            indices, values = mesh.interpolation(station, derivative)
+            rows[derivative, first + indices] = values
         return Row(rows[0], np.abs(rows[0])), Row(rows[1], np.abs(rows[1]))
 
     def relative(self, a: Point, b: Point | None, direction: "str | float") -> Row:
@@ -136,7 +136,7 @@ class Kinematics:
         return component(a) if b is None else component(a) - component(b)
 
     def add_body(self, body: Body) -> None:
-        """Add the motion of a body, whose parent is there, and what its joint holds."""
+        """Add the motion of a body, whose parent is present, and the constraints of its joint."""
         parent = self.motion(body.parent)
         x, y, theta = parent.x, parent.y, parent.theta
         for label, angle in body.joint.translations:
@@ -158,7 +158,7 @@ def _along(row: Row, angle: float, component: Callable[[float], float]) -> Row:
 
 
 def attachments(beam: Beam, points: Iterable[Point]) -> list[float]:
-    """Return the stations of ``beam`` at which something is attached, ascending."""
+    """Return the stations of the attachments of ``beam``, ascending."""
     here = [beam.parent, *(point for point in points if point.body.name == beam.name)]
     return sorted({beam.station(point.x, point.y) for point in here})
 
@@ -168,7 +168,7 @@ def kinematics(
 ) -> Kinematics:
     """Walk the tree from the ground and write down coordinates, motions and joint conditions.
 
-    ``prescribed`` is how many displacements may be prescribed, each of which takes a coordinate away.
+    ``prescribed`` is the number of displacements that may be prescribed, each of which eliminates a coordinate.
     """
     names: list[str] = []
     weights: list[float] = []
@@ -180,7 +180,7 @@ def kinematics(
         weights += [100.0 * depth[body.name]] * len(own)
         if isinstance(body, Beam):
             local = meshes[body.name].names
-            # Slopes count by what they move over an element, so that the choice does not depend on the unit of length.
+            # Slopes are scaled to displacements over an element, so that the choice does not depend on the unit of length.
             element = body.length / (len(meshes[body.name].nodes) - 1)
             weights += [1.0 if name.startswith("w") else 1.0 / element for name in local]
             own, conditions = [*own, *local], conditions + 1 + (not body.joint.rotation)

@@ -1,16 +1,16 @@
-"""How a structure moves, whatever it weighs: rows over its coordinates, and the weights that make matrices of them.
+"""Kinematics of a structure as rows over its coordinates, and the weights that give its matrices.
 
-With rows ``N`` and ``R`` over the coordinates and weights ``m, c, k``, none of them negative,
+With rows ``N`` and ``R`` over the coordinates and nonnegative weights ``m, c, k``,
 
     M = N^T diag(m) N,   C = R^T diag(c) R,   K = R^T diag(k) R.
 
-Matrices given are weights of the coordinates themselves.
+Matrices passed by the user are weights of the coordinates themselves.
 
-Rows say where things are, weights what they are made of.  Structures that differ in weights alone share one
-:class:`Layout`, and with it all that follows from rows: coordinates eliminated, halves.
+Rows depend on geometry, weights on material.  Structures that differ only in weights share one :class:`Layout`, and all
+results that depend only on rows: eliminated coordinates, symmetric subsystems.
 
-Rows are kept beside the matrices also because ``R v`` loses no digits where ``K v`` does: the strain of a fine mesh that
-moves as a whole is a difference of near-equal displacements, its stiffness a difference of huge near-equal forces.
+Rows are stored in addition to the matrices because ``R v`` is accurate where ``K v`` is not: the strain of a fine mesh in
+rigid motion is a difference of nearly equal displacements, its force a difference of huge nearly equal forces.
 """
 
 from dataclasses import dataclass, fields
@@ -23,14 +23,14 @@ from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
 
-KEPT = 16  # Cached results of each kind, for the next structure with the same rows or places.
+CACHE_SIZE = 16  # Number of cached results of each kind, for structures with the same rows or geometry.
 
 
 @dataclass(frozen=True)
 class Weights:
     """Weights of the rows of a layout: ``m`` of the mass rows [kg, kg m^2], ``c`` and ``k`` of the elastic rows.
 
-    One number a row.  Of matrices given, whose rows are the coordinates, they are these matrices.
+    One number per row.  For matrices passed by the user, whose rows are the coordinates, they are these matrices.
     """
 
     m: Array
@@ -69,7 +69,7 @@ class Layout:
     __repr__ = compact
 
     def __getstate__(self) -> dict[str, object]:
-        """Pickle what it is made of; its halves can be found again."""
+        """Pickle the fields without cached results."""
         return {item.name: getattr(self, item.name) for item in fields(self)}
 
     @property

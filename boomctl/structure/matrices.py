@@ -1,8 +1,8 @@
-"""A structure without its inputs and outputs: mass, damping and stiffness, and what follows from them alone.
+"""A structure without its inputs and outputs: mass, damping and stiffness, and results that depend only on them.
 
-:class:`Structure` is what the numerics of a structure take, beside the :class:`~boomctl.structure.ports.Ports` through
-which it is driven and read.  Models that differ only in inputs and outputs share one, and with it what was computed
-once: strain coordinates, the symmetric and the antisymmetric half.
+:class:`Structure` is the input of all structural computations, together with the :class:`~boomctl.structure.ports.Ports`
+with its inputs and outputs.  Models that differ only in inputs and outputs share one, and its cached results: strain
+coordinates, the symmetric and the antisymmetric subsystem.
 """
 
 from dataclasses import dataclass, field, fields, replace
@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
-from boomctl.structure.layout import KEPT, Layout, Weights, weigh
+from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, weigh
 from boomctl.structure.outline import Outline, mapped
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
@@ -34,11 +34,11 @@ class Structure:
     layout : Layout
         Rows over the coordinates.
     weights : Weights
-        Their weights; those of given matrices are these matrices.
+        Their weights; for matrices passed by the user these matrices.
     outline : Outline or None
-        Where the parts are and how they move with the coordinates, where that is known.
+        Positions of the parts and their motion with the coordinates, if known.
     settled : bool
-        Whether its state space is over these very coordinates, so that structures beside it have the same states.
+        If True, its state space uses these coordinates, so that similar structures have the same states.
     """
 
     layout: Layout
@@ -59,7 +59,7 @@ class Structure:
         return structure
 
     def __getstate__(self) -> dict[str, object]:
-        """Pickle what it is made of; what was computed when asked for can be computed again."""
+        """Pickle the fields without cached results."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
@@ -79,7 +79,7 @@ class Structure:
 
     @property
     def has_strains(self) -> bool:
-        """Whether stiffness and damping are known as sums over strains, and not as matrices alone."""
+        """True if stiffness and damping are known as sums over strains, and not only as matrices."""
         return self.weights.k.ndim == 1
 
     @cached_property
@@ -104,7 +104,7 @@ class Structure:
 
     @cached_property
     def strain_form(self) -> StrainForm | None:
-        """The structure in strain coordinates; None of matrices given."""
+        """The structure in strain coordinates; None for matrices passed by the user."""
         return strain_form(self.layout, self.weights) if self.has_strains else None
 
     @cached_property
@@ -121,7 +121,7 @@ class Structure:
 
     @property
     def graded(self) -> bool:
-        """Whether rows are known and some elements are so much shorter than most that displacements lose their strains."""
+        """True if rows are known and some elements are so short that strains of displacements are inaccurate."""
         square = self._squares
         return self.has_strains and len(square) > 0 and bool(square[-1] > _GRADED * square[len(square) // 2])
 
@@ -150,18 +150,18 @@ class Structure:
         }
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHE_SIZE)
 def _mirrored(layout: Layout, mirror: Mirror | None) -> Layout:
-    """Return a layout with a mirror or without; one for all structures that share the layout."""
+    """Return a layout with or without a mirror, cached for all structures that share the layout."""
     return replace(layout, mirror=mirror)
 
 
-# A half of a symmetric structure with its signals: ``W_in``, ``W_out`` of ``y = W_out y_half``, ``d_half = W_in^T d``.
+# A subsystem of a symmetric structure with its signals: ``W_in``, ``W_out`` of ``y = W_out y_half``, ``d_half = W_in^T d``.
 Half = tuple[Structure, Ports, Array, Array]
 
 
 def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
-    """Return one half of a structure with its signals; None where it carries no mirror, or a signal has no image."""
+    """Return one subsystem of a structure with its signals; None without a mirror, or if a signal has no image."""
     mirror = structure.mirror
     if mirror is None:
         return None
@@ -173,7 +173,7 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
-    """Return the halves that have both inputs and outputs, or None where the structure or its signals do not split."""
+    """Return the subsystems that have both inputs and outputs, or None if structure or signals do not decouple."""
     both = half(structure, ports, 1), half(structure, ports, -1)
     if both[0] is None or both[1] is None:
         return None
@@ -189,7 +189,7 @@ def dynamic_stiffness(matrices: tuple[Array, Array, Array], s: Array) -> Array:
 
 
 def check_size(n: int) -> None:
-    """Raise if a model has more coordinates than matrices are made for."""
+    """Raise ValueError if a model has too many coordinates."""
     if n > _LARGEST:
         raise ValueError(
             f"The model must have at most {_LARGEST} coordinates, got {n}. Use a few elements of high order:"
@@ -198,5 +198,5 @@ def check_size(n: int) -> None:
 
 
 def is_symmetric(matrix: Array) -> bool:
-    """Return whether a matrix is symmetric but for rounding."""
+    """Return whether a matrix is symmetric to within rounding."""
     return bool(np.abs(matrix - matrix.T).max(initial=0.0) <= SUMMED * np.abs(matrix).max(initial=0.0))

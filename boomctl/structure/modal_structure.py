@@ -1,6 +1,6 @@
 """Structures with the transfer function of a modal model: coordinates of mass one, inputs that are forces.
 
-A pair of poles ``p`` with the residue ``c b^T`` is one coordinate, since ``b`` is real up to a factor that ``c`` can take:
+A pair of poles ``p`` with the residue ``c b^T`` is one coordinate: ``b`` is real up to a factor, which ``c`` includes:
 
     c b^T/(s - p) + conj = (L0 + L1 s) b^T/(s^2 + C s + K),  K = |p|^2,  C = -2 Re p,  L1 = 2 Re c,  L0 = -2 Re(c conj(p)).
 
@@ -19,7 +19,7 @@ from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
-_ROUNDING = 1e-13  # Size of a direction or a singular value, relative, below which it is rounding.
+_ROUNDING = 1e-13  # Relative magnitude below which a direction or a singular value is rounding error.
 _COMPANION = 2.0  # Rate of the second pole of a single real pole, in rates of that pole.
 
 Dyad = tuple[int, float, Array, Array]
@@ -28,7 +28,7 @@ Dyad = tuple[int, float, Array, Array]
 
 @dataclass(frozen=True)
 class _Coordinate:
-    """A coordinate of mass one: its name, stiffness, damping, force of each input, rows of its place and speed (2, p)."""
+    """A coordinate of mass one: its name, stiffness, damping, force of each input, rows of position and velocity (2, p)."""
 
     name: str
     K: float
@@ -67,11 +67,11 @@ def modal_structure(
     inputs, outputs : sequence of str
         Names of the forces and of the outputs.
     derivatives : sequence of int
-        Which derivative of a displacement each output is, by default none.  The transfer function is the same for all of
-        them.  An acceleration (2) reads that of the coordinates, so that the shape of a mode, not its residue, stays where
-        its frequency changes.
+        Order of the derivative of a displacement of each output, by default 0.  The transfer function does not depend on
+        it.  An acceleration (2) is read from that of the coordinates, so that a change of a frequency preserves the shape of
+        the mode instead of its residue.
     modes : int, optional
-        How many of the poles are modes, by default all; the others are named "outside".
+        Number of poles that are modes, by default all; the others are named "outside".
     real_poles : (r,) array_like
         Real poles [rad/s], zero or below.
     real_residues : (r, m, p) ndarray
@@ -125,7 +125,7 @@ def stiffness_and_damping(first: float, second: float) -> tuple[float, float]:
 
 
 def _of_pair(name: str, pole: complex, b: Array, c: Array) -> list[_Coordinate]:
-    """Return the coordinate of a pair of poles; two, where ``b`` is complex beyond a factor."""
+    """Return the coordinate of a pair of poles; two if ``b`` is not real up to a factor."""
     turn = np.exp(-0.5j * np.angle(np.square(b).sum()))  # the real and the imaginary part are then orthogonal
     b, c = b * turn, c / turn
     result = []
@@ -138,7 +138,7 @@ def _of_pair(name: str, pole: complex, b: Array, c: Array) -> list[_Coordinate]:
 
 
 def _of_real_poles(poles: Array, residues: Array, double: Array | None, typical: float) -> list[_Coordinate]:
-    """Return the coordinates of real poles and of a rigid body; ``typical`` is the rate of what goes with an integrator."""
+    """Return the coordinates of real poles and of a rigid body; ``typical`` is the rate of the companion of an integrator."""
     result: list[_Coordinate] = []
     dyads: list[Dyad] = []
     integrators = np.flatnonzero(poles == 0.0)
@@ -166,12 +166,12 @@ def _of_dyads(first: Dyad, second: Dyad | None, typical: float) -> _Coordinate:
     """Return the coordinate of two real poles with one direction of the inputs, or of one and a second that no output has."""
     number, rate, force, row = first
     if second is None:
-        name, other, beside = f"real_pole_{number}", _COMPANION * rate or typical, np.zeros_like(row)
+        name, other, offset = f"real_pole_{number}", _COMPANION * rate or typical, np.zeros_like(row)
     else:
         name, other = f"real_pole_{number}_{second[0]}", second[1]
-        beside = second[3] * (force @ second[2])
+        offset = second[3] * (force @ second[2])
     K, C = stiffness_and_damping(rate, other)
-    return _Coordinate(name, K, C, force, np.array([row * other + beside * rate, row + beside]))
+    return _Coordinate(name, K, C, force, np.array([row * other + offset * rate, row + offset]))
 
 
 def _dyads(residue: Array) -> list[tuple[Array, Array]]:
@@ -192,9 +192,9 @@ def _parallel(first: Dyad, second: Dyad) -> bool:
 
 def _numbered(coordinates: list[_Coordinate]) -> list[_Coordinate]:
     """Return the coordinates with different names."""
-    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
     result = []
     for item in coordinates:
-        seen[item.name] = seen.get(item.name, 0) + 1
-        result.append(item if seen[item.name] == 1 else replace(item, name=f"{item.name}.{seen[item.name]}"))
+        counts[item.name] = counts.get(item.name, 0) + 1
+        result.append(item if counts[item.name] == 1 else replace(item, name=f"{item.name}.{counts[item.name]}"))
     return result

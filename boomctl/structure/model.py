@@ -29,7 +29,7 @@ from boomctl.printing import count, signals
 from boomctl.structure.matrices import Structure, check_size, half, halves
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
-from boomctl.structure.response.modal_form import COORDINATES, MODES, handed_out, modal_form
+from boomctl.structure.response.modal_form import COORDINATES, MODES, modal_form, user_state_space
 from boomctl.structure.response.mode_shapes import ModeShapes, mode_shapes
 from boomctl.structure.response.poles import damped_poles
 from boomctl.threads import one_blas_thread
@@ -61,12 +61,12 @@ class SecondOrderModel:
     ports : Ports
         The inputs and outputs.
     selection : record or None
-        Which mesh was chosen where an accuracy was asked for, and why.
+        Selection of the mesh if an accuracy was requested, with the tested meshes.
 
     Raises
     ------
     TypeError, ValueError
-        Not square, of different sizes, not finite, or a row or column of the wrong length.
+        If the matrices are not square, not finite or of different sizes, or if a row or column has the wrong length.
 
     Examples
     --------
@@ -120,7 +120,7 @@ class SecondOrderModel:
 
     @classmethod
     def of(cls, structure: Structure, ports: Ports, selection: Any = None) -> SecondOrderModel:
-        """Return the model of a structure, which others may share, with inputs and outputs of its own.
+        """Return the model of a structure, which may be shared, with separate inputs and outputs.
 
         Parameters
         ----------
@@ -141,7 +141,7 @@ class SecondOrderModel:
         return model
 
     def __getstate__(self) -> dict[str, Any]:
-        """Pickle what it is made of; what was computed when asked for can be computed again."""
+        """Pickle the fields without cached results."""
         return {"structure": self.structure, "ports": self.ports, "selection": self.selection}
 
     @property
@@ -187,7 +187,7 @@ class SecondOrderModel:
     def select(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SecondOrderModel:
-        """Return the model with only the inputs and outputs named, in that order.
+        """Return the model with only the named inputs and outputs, in that order.
 
         Parameters
         ----------
@@ -197,12 +197,12 @@ class SecondOrderModel:
         Returns
         -------
         SecondOrderModel
-            The same structure; nothing is computed anew.
+            The same structure, which shares cached results.
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names, or one asked for twice.
+            If a name is unknown or requested twice.
         """
         for what, wanted, available in (("input", inputs, self.ports.inputs), ("output", outputs, self.ports.outputs)):
             if wanted is not None:
@@ -216,22 +216,22 @@ class SecondOrderModel:
     def between(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
     ) -> SecondOrderModel:
-        """Return the model between signals as :meth:`select` does; unnamed ones of a boom are platform actuators and tips.
+        """Return the model between signals, as :meth:`select`; by default platform actuators and tips of a boom.
 
         Parameters
         ----------
         inputs, outputs : str or sequence of str, optional
-            Names; by default those that the model is looked at between.
+            Names; by default the primary signals of the model.
 
         Returns
         -------
         SecondOrderModel
-            The same structure; nothing is computed anew.
+            The same structure, which shares cached results.
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names, or one asked for twice.
+            If a name is unknown or requested twice.
         """
         if inputs is None and outputs is None:
             return self._primary
@@ -240,7 +240,7 @@ class SecondOrderModel:
 
     @cached_property
     def _halves(self) -> tuple[SecondOrderModel, ...] | None:
-        """Its symmetric and antisymmetric half, as far as they have inputs and outputs; None of one that does not split."""
+        """Symmetric and antisymmetric subsystems that have inputs and outputs; None if the model does not decouple."""
         result = halves(self.structure, self.ports)
         return None if result is None else tuple(SecondOrderModel.of(*part[:2]) for part in result)
 
@@ -251,7 +251,7 @@ class SecondOrderModel:
         Raises
         ------
         ValueError
-            An output that needs a derivative of an input.
+            If an output needs a derivative of an input.
         """
         return modal_form(self.structure, self.ports)
 
@@ -263,23 +263,23 @@ class SecondOrderModel:
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         """Return the pairs that consoles complete in brackets."""
-        return [(output, given) for output in self.output_labels for given in self.input_labels]
+        return [(output, name) for output in self.output_labels for name in self.input_labels]
 
     @property
     def _name(self) -> str:
-        """What it is called beside other systems: two halves must not have the same name."""
+        """Name in comparisons; the two subsystems have different names."""
         return {"sym": "jolt", "anti": "yaw"}.get(
             "".join(self.structure.coordinates[:1]).rpartition("_")[2], "structure"
         )
 
     def __getattr__(self, name: str) -> Any:
-        """Say where something is that state spaces have."""
+        """Raise AttributeError with a hint for attributes of state-space systems."""
         said = f"{type(self).__name__!r} object has no attribute {name!r}"
         hint = "; its .to_statespace() has those of systems, and boomctl.sigma, bode, step, ... take the model"
         raise AttributeError(said if name.startswith("_") else f"{said}{hint}", name=name, obj=self)
 
     def _combined(self, *others: Any) -> NoReturn:
-        """Say how structures are combined with systems."""
+        """Raise TypeError with a hint for arithmetic with systems."""
         raise TypeError(
             "a structure is not combined by +, -, * and /: its .to_statespace() is, as python-control does it"
         )
@@ -298,7 +298,7 @@ class SecondOrderModel:
         Raises
         ------
         ValueError
-            An output that needs a derivative of an input.
+            If an output needs a derivative of an input.
         """
         return self.__lti__().poles
 
@@ -306,13 +306,13 @@ class SecondOrderModel:
     def eigenfrequencies_hz(self, count: int = 5) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
 
-        Number ``k`` of them, from 1, is that of mode ``k`` of :meth:`mode_shapes`, where no mode is damped beyond critical:
-        rigid motions count in neither.
+        If no mode is overdamped, number ``k``, from 1, belongs to mode ``k`` of :meth:`mode_shapes`; rigid-body motions are
+        not counted.
 
         Parameters
         ----------
         count : int
-            How many eigenfrequencies.
+            Number of eigenfrequencies.
 
         Returns
         -------
@@ -322,14 +322,14 @@ class SecondOrderModel:
         Raises
         ------
         TypeError, ValueError
-            ``count`` is not a whole number above zero, or the model has fewer of them.
+            If ``count`` is not a whole number above zero, or if the model has fewer eigenfrequencies.
 
         Warns
         -----
         AccuracyWarning
-            Rounding may be more than 1e-8 of them: elements of very unlike length and stiffness, or very fast modes.
+            If the relative rounding error may exceed 1e-8, as with very different elements or very fast modes.
         BoomctlWarning
-            The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
+            If the lowest is below 1e-4 Hz and none is above 0.01 Hz, or if the lowest is above 1e5 Hz: units are not SI.
         """
         result = damped_poles(self.structure, whole("count", count)).imag / (2.0 * np.pi)
         warn_of_units(result)
@@ -337,28 +337,28 @@ class SecondOrderModel:
 
     @one_blas_thread
     def mode_shapes(self, count: int = 5) -> ModeShapes:
-        """Return the lowest undamped modes and what they look like.
+        """Return the lowest undamped modes and their shapes.
 
         Parameters
         ----------
         count : int
-            How many modes, from the lowest; rigid motions come first, and have no number.
+            Number of modes, from the lowest; rigid-body motions come first, and are not numbered.
 
         Returns
         -------
         ModeShapes
-            Frequencies, mass-normalized shapes, jolt and yaw of a symmetric machine told; ``.plot()`` draws beams as
-            their elements bend, other bodies as lines through what is attached to them.
+            Frequencies and mass-normalized shapes, with jolt and yaw distinguished for a symmetric machine.  ``.plot()``
+            draws deflected beams, and other bodies as lines through their attachments.
 
         Raises
         ------
         TypeError, ValueError
-            ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
+            If ``count`` is not a whole number up to that of the coordinates, or if the matrices have no real modes.
 
         Warns
         -----
         BoomctlWarning
-            As :meth:`eigenfrequencies_hz`, of units that are not SI.
+            If the units seem not to be SI; see :meth:`eigenfrequencies_hz`.
         """
         result = mode_shapes(self.structure, count)
         warn_of_units(result.eigenfrequencies_hz)
@@ -407,9 +407,9 @@ class SecondOrderModel:
     ) -> control.StateSpace:
         """Return a state-space system with named inputs, outputs and states.
 
-        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, of a displacement
-        input ``d``; without one, place and speed.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with the
-        signs mended.
+        Each coordinate, or mode, has two states: ``NAME.x1 = q - G d`` and ``NAME.x2 = x1' - H d``, for a displacement
+        input ``d``; without one, position and velocity.  Source: Anthonis & Ramon (2003), Eqs. (9), (10), (12), with
+        corrected signs.
 
         Parameters
         ----------
@@ -417,31 +417,31 @@ class SecondOrderModel:
             Names of the inputs and outputs; by default all.
         states : str, optional
             ``"modes"``: over undamped modes, ``mode1``, ``mode2``, ..., slowest first, each state scaled by a power of
-            two so that the state matrix is balanced.  What computes with the system, python-control too, then keeps its
-            digits on fine meshes.  ``"coordinates"``: over the coordinates, not scaled.  By default modes for models
-            that were assembled, such as the boom; for matrices given, coordinates if they are even, else modes.  A
-            model without real modes is over its coordinates, scaled.
+            two so that the state matrix is balanced, which keeps computations accurate on fine meshes.
+            ``"coordinates"``: over the coordinates, not scaled.  By default modes for assembled models, such as the boom;
+            for matrices passed by the user, coordinates if they are balanced, else modes.  A model without real modes is
+            over its coordinates, scaled.
         dt : float, optional
-            Time between samples [s]: a discrete system, exact at the samples for inputs that are held in between.  By default
-            in continuous time.  A sampled controller sees :func:`boomctl.analysis.sample_plant`, whose controls come late.
+            Time between samples [s]: a discrete system, exact at the samples for held inputs.  If None, in continuous time.
+            For sampled controllers with delay see :func:`boomctl.analysis.sample_plant`.
 
         Returns
         -------
         control.StateSpace
-            ``A, B, C, D`` with two states for each coordinate or mode, and those of filters behind outputs; named "jolt" or
-            "yaw" of a half, else "structure".
+            ``A, B, C, D`` with two states for each coordinate or mode, and those of output filters; named "jolt" or "yaw"
+            for a subsystem, else "structure".
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names; the mass matrix is singular; an output needs a derivative of an input that is not there; another
-            word for ``states``; a time between samples that is not above zero.
+            If a name or ``states`` is unknown, if the mass matrix is singular, if an output needs an unavailable derivative
+            of an input, or if ``dt`` is not above zero.
 
         Warns
         -----
         AccuracyWarning
-            Below the slowest frequency, rounding of the matrices is more of a response than 1e-6, as beside dampers far
-            beyond critical, or 1e-4 over coordinates.  `frequency_response` needs no such matrices.
+            If the rounding error of a response below the lowest frequency exceeds 1e-6, as with dampers far beyond critical,
+            or 1e-4 over coordinates.  `frequency_response` does not use these matrices.
 
         Examples
         --------
@@ -454,27 +454,28 @@ class SecondOrderModel:
         """
         if states is not None and not (isinstance(states, str) and states in (MODES, COORDINATES)):
             raise ValueError(f"states = {states!r}: expected {MODES!r}, {COORDINATES!r} or None")
-        result = handed_out(self.structure, self.select(inputs, outputs).ports, states)
+        result = user_state_space(self.structure, self.select(inputs, outputs).ports, states)
         if dt is not None:
             Phi, G = zero_order_hold(result.A, result.B, positive("dt", dt))
             result = replace(result, A=Phi, B=G, dt=float(dt))
         return result.statespace(self._name)
 
     def __lti__(self) -> Lti:
-        """Return the state-space form as what is computed with a model takes it, without python-control."""
-        return handed_out(self.structure, self.ports, None)
+        """Return the state-space form for computations with a model, without python-control."""
+        return user_state_space(self.structure, self.ports, None)
 
 
 @one_blas_thread
 def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOrderModel]:
-    """Split a mirror-symmetric model into its symmetric (jolt) and antisymmetric (yaw) half.
+    """Split a mirror-symmetric model into its symmetric (jolt) and antisymmetric (yaw) subsystem.
 
     Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
-    the transformation is orthonormal, so that the singular values of the two halves are those of the whole.
+    the transformation is orthonormal, so the singular values of the two subsystems are those of the machine.
 
-    So they are no meters and newtons of the machine, but root of two times the mean, or half the difference: 150 N of each
-    actuator against the other are 212 of ``suspension_anti``.  ``.units`` of a half says so, ``PlatformMotion.sym`` and
-    ``.anti`` give what drives it, and :func:`boomctl.join_symmetric` makes of its controllers one of the machine.
+    The signals are root of two times the mean, or half the difference, of those of the machine: 150 N of each actuator in
+    opposite directions are 212 N of ``suspension_anti``.  ``.units`` of a subsystem documents this,
+    ``PlatformMotion.symmetric`` and ``.antisymmetric`` are its inputs, and :func:`boomctl.join_symmetric` joins its
+    controllers.
 
     Parameters
     ----------
@@ -484,12 +485,12 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     Returns
     -------
     jolt, yaw : SecondOrderModel
-        The two halves: they do not feel each other, and together have all the modes of the whole.
+        The two decoupled subsystems, which together have all modes of the machine.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of model; the mesh or the machine is not symmetric about ``x = 0``.
+        If `model` has another type, or if the mesh or the machine is not symmetric about ``x = 0``.
 
     Examples
     --------
@@ -523,9 +524,9 @@ def _square(name: str, value: ArrayLike) -> Array:
 
 
 def _lines(what: str, rows: Mapping[str, ArrayLike] | None, n: int) -> Array:
-    given = {} if rows is None else mapping(f"{what}s", rows, "names to arrays")
-    stacked = np.zeros((len(given), n))
-    for i, (name, row) in enumerate(given.items()):
+    entries = {} if rows is None else mapping(f"{what}s", rows, "names to arrays")
+    stacked = np.zeros((len(entries), n))
+    for i, (name, row) in enumerate(entries.items()):
         signal_name(f"name of a {what}", name)
         line = finite_array(f"{what} {name!r}", row).ravel()
         if line.shape != (n,):

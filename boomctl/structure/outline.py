@@ -1,7 +1,7 @@
-"""Where the parts of a machine are, and how they move with its coordinates: what pictures of its motion are drawn from.
+"""Positions of the parts of a machine and their motion with its coordinates, for plots of its motion.
 
-A structure carries its :class:`Outline` through every change of coordinates as one more matrix; nothing is computed until a
-picture is asked for.
+A structure transforms its :class:`Outline` in every change of coordinates by one more matrix, which is only evaluated for a
+plot.
 """
 
 from dataclasses import dataclass, field
@@ -20,17 +20,17 @@ class Line:
     Attributes
     ----------
     name : str
-        Of the body.
-    bends : bool
-        Whether it is a beam.
+        Name of the body.
+    is_beam : bool
+        True for a beam.
     points : (k, 2) ndarray
-        Where they rest [m].
+        Positions of its points at rest [m].
     x, y : (k, n) ndarray
         Rows that read their displacements [m] off the coordinates.
     """
 
     name: str
-    bends: bool
+    is_beam: bool
     points: Array
     x: Array
     y: Array
@@ -40,7 +40,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """A machine's lines, over coordinates that its own follow from by matrices, the first applied last.
+    """A machine's lines, over coordinates from which those of the machine follow by matrices, the first applied last.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Outline:
     parity: int = 0
 
     def moved(self, shapes: Array) -> tuple[tuple[Line, Array], ...]:
-        """Return each line, and how its points move (motions, points, 2) with motions of the coordinates in columns."""
+        """Return each line with the displacements of its points (motions, points, 2); ``shapes`` are columns of motions."""
         for T in reversed(self.maps):
             shapes = T @ shapes
         lines: tuple[Line, ...] = self.machine.lines()

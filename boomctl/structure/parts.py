@@ -1,6 +1,6 @@
-"""The parts that a machine is described with: bodies, joints, springs and dampers, forces, outputs.
+"""Parts of a machine: bodies, joints, springs and dampers, forces, outputs.
 
-A description is plain frozen data that can be read beside a drawing; :class:`boomctl.structure.Assembly` turns it
+A description is plain frozen data that corresponds to a drawing; :class:`boomctl.structure.Assembly` turns it
 into equations of motion.  Positions are those at rest, in the inertial frame: ``x`` along the page, ``y`` across it,
 ``theta`` about the normal.
 """
@@ -30,20 +30,19 @@ from boomctl.structure.beams.mesh import BeamMesh
 
 @dataclass(frozen=True)
 class Joint:
-    """What a body may do relative to its parent; `fixed`, `revolute`, `prismatic` and `free` make the usual joints.
+    """Joint of a body with its parent; usual joints are `fixed`, `revolute`, `prismatic` and `planar`.
 
     Parameters
     ----------
     translations : tuple of (str, float)
-        Directions along which the body may slide: a name for the coordinate, and the direction's angle from the x axis
-        [rad].
+        Directions of translation: a name for the coordinate, and the angle of the direction from the x axis [rad].
     rotation : bool
-        Whether the body may turn about the joint.
+        If True, the body may rotate about the joint.
 
     Raises
     ------
     TypeError, ValueError
-        Not pairs of a name and a finite angle, or ``rotation`` is neither True nor False.
+        If ``translations`` are not pairs of a name and a finite angle, or if ``rotation`` is not True or False.
 
     Examples
     --------
@@ -68,12 +67,12 @@ class Joint:
 
 
 def fixed() -> Joint:
-    """Return a joint that lets the body move in no way: it is welded to its parent.
+    """Return a rigid joint.
 
     Returns
     -------
     Joint
-        The body gets no coordinates of its own.
+        The body has no coordinates.
 
     Examples
     --------
@@ -85,12 +84,12 @@ def fixed() -> Joint:
 
 
 def revolute() -> Joint:
-    """Return a hinge: the body turns about the joint.
+    """Return a hinge: the body rotates about the joint.
 
     Returns
     -------
     Joint
-        The body gets one coordinate, ``NAME.theta`` [rad].
+        The body has one coordinate, ``NAME.theta`` [rad].
 
     Examples
     --------
@@ -102,7 +101,7 @@ def revolute() -> Joint:
 
 
 def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
-    """Return a slide: the body moves along a straight line and does not turn.
+    """Return a slide: the body moves along a straight line and does not rotate.
 
     Parameters
     ----------
@@ -131,22 +130,22 @@ def prismatic(angle: float = pi / 2, name: str = "slide") -> Joint:
 
 
 def planar(*freedoms: str) -> Joint:
-    """Return a joint with the freedoms named.
+    """Return a joint with the named degrees of freedom.
 
     Parameters
     ----------
     freedoms : "x", "y" or "theta"
-        In which directions the body may move, and whether it may turn; any number of these words.
+        Degrees of freedom: translations along x and y, and rotation; any number of these words.
 
     Returns
     -------
     Joint
-        The body gets one coordinate for each freedom: ``NAME.x`` and ``NAME.y`` [m], ``NAME.theta`` [rad].
+        The body has one coordinate per degree of freedom: ``NAME.x`` and ``NAME.y`` [m], ``NAME.theta`` [rad].
 
     Raises
     ------
     ValueError
-        Another word.
+        If a word is unknown.
 
     Examples
     --------
@@ -155,15 +154,15 @@ def planar(*freedoms: str) -> Joint:
     >>> [name for name, angle in joint.translations], joint.rotation
     (['y'], True)
     """
-    for freedom in freedoms:
-        known("dof", freedom, ("x", "y", "theta"))
+    for dof in freedoms:
+        known("dof", dof, ("x", "y", "theta"))
     translations = tuple((name, angle) for name, angle in (("x", 0.0), ("y", pi / 2)) if name in freedoms)
     return Joint(translations=translations, rotation="theta" in freedoms)
 
 
 @dataclass(frozen=True)
 class Point:
-    """A point of a body, made by ``body.at_point(x, y)`` or, on a beam, by ``beam.at(s)``.
+    """A point of a body; see ``body.at_point(x, y)`` and, on a beam, ``beam.at(s)``.
 
     Parameters
     ----------
@@ -175,7 +174,7 @@ class Point:
     Raises
     ------
     TypeError, ValueError
-        Another kind of body; not finite numbers; a point of a beam that is not on its axis.
+        If `body` has another type, if a value is not finite, or if a point of a beam is not on its axis.
 
     Examples
     --------
@@ -203,7 +202,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Ground:
-    """The inertial frame: what does not move. `boomctl.structure.GROUND` is the one there is."""
+    """The inertial frame; its only instance is `boomctl.structure.GROUND`."""
 
     name: ClassVar[str] = "ground"
 
@@ -249,11 +248,11 @@ class RigidBody:
     Parameters
     ----------
     name : str
-        Its coordinates are called ``name.y``, ``name.theta``, ``name.slide``, ...
+        Name of the body; its coordinates are ``name.y``, ``name.theta``, ``name.slide``, ...
     parent : Point
-        Point of another body, or of the ground, at which its joint sits.
+        Point of another body, or of the ground, at which its joint is.
     joint : Joint
-        How the body may move relative to its parent at that point.
+        Joint with the parent at that point.
     mass, inertia : float
         Mass [kg] and moment of inertia about the center of mass [kg m^2]; zero is allowed.
     center_of_mass : (float, float), optional
@@ -263,8 +262,8 @@ class RigidBody:
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; another kind of parent or joint; a negative mass or inertia; a center that is not two
-        numbers.
+        If `name` is not a name, if `parent` or `joint` has another type, if mass or inertia is negative, or if the center
+        of mass is not two numbers.
 
     Examples
     --------
@@ -290,7 +289,7 @@ class RigidBody:
         nonnegative(f"mass of {self.name!r}", self.mass)
         nonnegative(f"inertia of {self.name!r}", self.inertia)
         if self.center_of_mass is not None:
-            _place(f"center of {self.name!r}", self.center_of_mass)
+            _position(f"center of {self.name!r}", self.center_of_mass)
 
     __repr__ = compact
 
@@ -327,11 +326,11 @@ class RigidBody:
 
 @dataclass(frozen=True)
 class CrossSection:
-    """What bending knows of a beam's cross section; `BeamSegment.from_cross_section` makes a stretch of a beam of it.
+    """Cross section of a beam; see `BeamSegment.from_cross_section`.
 
-    Functions return those of tubes, bars, rods and I sections, bent in the plane of the machine: the depth is measured in
-    that plane, the width across it.  They are sums of parts that are all positive, so that thin walls lose no digits;
-    corners are sharp.
+    Functions return the sections of tubes, bars, rods and I beams, for bending in the plane of the machine: the depth is
+    measured in that plane, the width across it.  They are sums of positive terms, which are accurate for thin walls; corners
+    are sharp.
 
     Attributes
     ----------
@@ -343,12 +342,12 @@ class CrossSection:
     Raises
     ------
     TypeError, ValueError
-        Numbers that are not above zero.
+        If a value is not above zero.
 
     Notes
     -----
     Beams are those of Euler and Bernoulli, in small motions in a plane: no shear deformation, no rotary inertia of the
-    section, no torsion, and no gravity.  That holds while the half-waves of a mode are long beside the depth.
+    section, no torsion, and no gravity.  The theory holds if the half-waves of a mode are long relative to the depth.
 
     Examples
     --------
@@ -386,7 +385,7 @@ def rectangular_section(width: float, depth: float, wall: float | tuple[float, f
     Raises
     ------
     TypeError, ValueError
-        Numbers that are not above zero; walls that leave no room between them.
+        If a value is not above zero, or if walls overlap.
 
     Examples
     --------
@@ -425,7 +424,7 @@ def circular_section(diameter: float, wall: float | None = None) -> CrossSection
     Raises
     ------
     TypeError, ValueError
-        Numbers that are not above zero; a wall that leaves no room within.
+        If a value is not above zero, or if the wall fills the section.
 
     Examples
     --------
@@ -477,7 +476,7 @@ def i_section(width: float, depth: float, web: float, flange: float) -> CrossSec
 
 
 def _wall(name: str, wall: float, size: float, of: str) -> float:
-    """Return the thickness of one of two walls that leave room between them."""
+    """Return the checked thickness of one of two walls, which must not overlap."""
     if 2.0 * positive(name, wall) >= size:
         raise ValueError(f"{name} = {exactly(wall)}: expected less than half the {of}, {up_to(0.5 * size)} m")
     return wall
@@ -485,9 +484,9 @@ def _wall(name: str, wall: float, size: float, of: str) -> float:
 
 @dataclass(frozen=True)
 class BeamSegment:
-    """A stretch of a beam with one cross section.
+    """A segment of a beam with one cross section.
 
-    `BeamSegment.from_cross_section` takes the section of a tube, a bar or an I beam and a material instead.
+    `BeamSegment.from_cross_section` accepts the section of a tube, a bar or an I beam and a material instead.
 
     Parameters
     ----------
@@ -548,7 +547,7 @@ class BeamSegment:
         Raises
         ------
         TypeError, ValueError
-            Another kind of section; numbers out of range.
+            If `section` has another type, or if a value is out of range.
 
         Examples
         --------
@@ -558,52 +557,53 @@ class BeamSegment:
         >>> round(bc.structure.BeamSegment.from_cross_section(3.0, tube, **steel).mass_per_length, 4)
         3.4854
         """
-        given = instance("section", section, CrossSection)
-        stiffness = positive("youngs_modulus", youngs_modulus) * given.second_moment
-        return cls(length, positive("density", density) * given.area, stiffness, damping)
+        cross_section = instance("section", section, CrossSection)
+        stiffness = positive("youngs_modulus", youngs_modulus) * cross_section.second_moment
+        return cls(length, positive("density", density) * cross_section.area, stiffness, damping)
 
 
 class Discretization(Protocol):
-    """A way to turn a beam into coordinates."""
+    """Protocol of beam discretizations."""
 
     def mesh(self, beam: "Beam", attachments: Sequence[float]) -> BeamMesh:
-        """Return the mesh of ``beam``; something is attached to it at the stations ``attachments``."""
+        """Return the mesh of ``beam`` with attachments at the stations ``attachments``."""
         ...
 
 
 @dataclass(frozen=True)
 class Beam:
-    """An inextensible Euler-Bernoulli beam, straight at rest, in one or more stretches of uniform section.
+    """An inextensible Euler-Bernoulli beam, straight at rest, in one or more segments of uniform section.
 
     Parameters
     ----------
     name : str
-        Its coordinates are called ``name.w3`` (transverse displacement of node 3) and ``name.phi3`` (slope).
+        Name of the beam; its coordinates are ``name.w3`` (transverse displacement of node 3) and ``name.phi3`` (slope).
     parent : Point
-        Point of another body, or of the ground, at which its joint sits; it must lie on the beam.
+        Point of another body, or of the ground, at which its joint is; it must be on the beam.
     joint : Joint
-        How the beam may move relative to its parent at that point.
+        Joint with the parent at that point.
     start : (float, float) or Point
-        Position of the start of the beam at rest [m].  Of a Point, such as ``other.end``, the position is used.  Read
-        from the beam, ``start`` is the point of the beam at its start.
+        Position of the start of the beam at rest [m].  For a Point, such as ``other.end``, its position is used.  The
+        attribute ``start`` is the point of the beam at its start.
     segments : sequence of BeamSegment
-        The stretches, one after the other from the start.
+        The segments, in order from the start.
     discretization : FiniteElements or DiscreteElements
-        How the beam is turned into coordinates; any object with a method ``mesh`` like theirs will do.
+        Discretization of the beam: one of these, or any object with the same method ``mesh``.
     angle : float
         Direction of the beam's axis at rest, from the x axis [rad]; the transverse direction is 90 degrees further.
 
     Attributes
     ----------
     length : float
-        Sum of the lengths of the sections [m].
+        Sum of the lengths of the segments [m].
     end : Point
         Point of the beam at its end.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of parent, joint, section or discretisation; no section; a parent that does not lie on the beam.
+        If a parent, joint, segment or discretization has another type, if there is no segment, or if the parent is not on
+        the beam.
 
     Examples
     --------
@@ -664,7 +664,7 @@ class Beam:
             discretization=discretization,
             angle=_radians(f"angle {of}", angle),
             length=float(sum(segment.length for segment in segments)),
-            _origin=(start.x, start.y) if isinstance(start, Point) else _place(f"start {of}", start),
+            _origin=(start.x, start.y) if isinstance(start, Point) else _position(f"start {of}", start),
         )
         self.station(parent.x, parent.y)
 
@@ -672,7 +672,7 @@ class Beam:
         return compact(self).replace("_origin=", "start=")
 
     def station(self, x: float, y: float) -> float:
-        """Return how far along the beam the point at ``(x, y)`` lies at rest.
+        """Return the station on the beam of the point at ``(x, y)`` at rest.
 
         Parameters
         ----------
@@ -687,14 +687,14 @@ class Beam:
         Raises
         ------
         ValueError
-            The point is not on the beam's axis.
+            If the point is not on the beam's axis.
         """
         dx, dy = x - self._origin[0], y - self._origin[1]
         along, across = dx * cos(self.angle) + dy * sin(self.angle), dy * cos(self.angle) - dx * sin(self.angle)
         slack = 1e-9 * self.length
         if not (-slack <= along <= self.length + slack and abs(across) <= slack):
             raise ValueError(
-                f"point ({x:g}, {y:g}) is not on beam {self.name!r}: it lies {along:g} m along and {across:g} m beside"
+                f"point ({x:g}, {y:g}) is not on beam {self.name!r}: it is {along:g} m along and {across:g} m off"
                 f" an axis of {self.length:g} m"
             )
         return min(max(along, 0.0), self.length)
@@ -772,7 +772,7 @@ class Beam:
         return Point(self, x, y)
 
 
-def _place(name: str, value: object) -> tuple[float, float]:
+def _position(name: str, value: object) -> tuple[float, float]:
     """Return a pair of finite numbers."""
     pair = sequence(name, value, "two numbers")
     if len(pair) != 2:
@@ -791,7 +791,7 @@ def direction_angle(direction: "str | float") -> float | None:
 
 
 def _radians(name: str, value: object) -> float:
-    """Return an angle of at most one turn [rad]: more are degrees."""
+    """Return an angle of at most one turn [rad]; larger values are probably degrees."""
     if abs(real(name, value)) > 2.0 * pi:
         raise ValueError(
             f"{name} = {value!r}: expected radians, at most one turn; math.radians({value!r}) makes them of degrees"
@@ -814,9 +814,9 @@ class SpringDamper:
     Parameters
     ----------
     a, b : Point
-        Its ends; its elongation is the displacement of ``a`` less that of ``b`` along ``direction``.
+        End points; the elongation is the displacement of ``a`` minus that of ``b`` along ``direction``.
     direction : "x", "y", "theta" or float
-        Line along which it acts; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torsion spring.
+        Direction in which it acts; a number is an angle from the x axis [rad]; ``"theta"`` for a torsion spring.
     stiffness : float
         Force over elongation [N/m]; for ``"theta"`` torque over angle [N m/rad].
     damping : float
@@ -863,15 +863,15 @@ class Force:
     point : Point
         Point at which it acts.
     direction : "x", "y", "theta" or float
-        Its direction [N]; a number is an angle from the x axis [rad]; ``"theta"`` makes it a torque [N m].
+        Direction of the force [N]; a number is an angle from the x axis [rad]; ``"theta"`` for a torque [N m].
     reaction_point : Point, optional
-        A point of another body that feels the opposite force, as with an actuator between two bodies.  Without one, the
-        force acts from outside.
+        Point of another body at which the opposite force acts, as for an actuator between two bodies.  If None, the force
+        is external.
 
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; not points of two bodies; an unknown direction.
+        If `name` is not a name, if the points do not belong to two bodies, or if the direction is unknown.
 
     Examples
     --------
@@ -909,9 +909,9 @@ class Output:
     point : Point
         The point whose motion is measured.
     direction : "x", "y", "theta" or float
-        Direction of the motion [m]; a number is an angle from the x axis [rad]; ``"theta"`` reads the turn [rad].
+        Direction of the motion [m]; a number is an angle from the x axis [rad]; ``"theta"`` for the rotation [rad].
     relative_to : Point, optional
-        A point whose motion along the same direction is taken off, as with a sensor between two bodies.
+        Point whose motion along the same direction is subtracted, as for a sensor between two bodies.
     derivative : 0, 1 or 2
         Displacement, velocity or acceleration.
     bandwidth_hz : float, optional
@@ -921,7 +921,8 @@ class Output:
     Raises
     ------
     TypeError, ValueError
-        Something else than a name; not a point; an unknown direction; another derivative; a bandwidth not above zero.
+        If `name` is not a name, if `point` is not a point, if the direction or derivative is unknown, or if the bandwidth is
+        not above zero.
 
     Examples
     --------
@@ -954,19 +955,19 @@ class Output:
 
 @dataclass(frozen=True)
 class CutJoint:
-    """A joint that closes a kinematic chain: its two points stay together.
+    """A joint that closes a kinematic chain: its two points coincide.
 
     Parameters
     ----------
     a, b : Point
-        Points of two bodies, at one place at rest.
+        Points of two bodies with the same position at rest.
     directions : tuple of "x", "y", "theta" or float
-        Along which the points stay together; both ``"x"`` and ``"y"`` make a hinge, with ``"theta"`` a weld.
+        Constrained directions; ``"x"`` and ``"y"`` together are a hinge, with ``"theta"`` a rigid connection.
 
     Raises
     ------
     TypeError, ValueError
-        Not points of two bodies; points that do not rest at one place; no direction or an unknown one.
+        If the points do not belong to two bodies or differ at rest, or if a direction is missing or unknown.
 
     Examples
     --------
@@ -993,4 +994,4 @@ class CutJoint:
             _check_pair(self.a, self.b, "cut joint", direction)
         gap = hypot(self.a.x - self.b.x, self.a.y - self.b.y)
         if not isclose(gap, 0.0, abs_tol=1e-9 * (1.0 + hypot(self.a.x, self.a.y))):
-            raise ValueError(f"cut joint: its points rest {gap:g} m apart; expected one place")
+            raise ValueError(f"cut joint: its points must coincide at rest, got a distance of {gap:g} m")

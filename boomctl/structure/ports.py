@@ -5,9 +5,9 @@ The equations of motion and the outputs are, with ``d`` the inputs and ``q`` the
     M q'' + C q' + K q = B0 d + B1 d' + B2 d''
     y = L0 q + L1 q' + L2 q'' + E0 d + E1 d' + E2 d''
 
-A force input has ``B0`` alone.  A displacement input brings all three.  Where the user imposes the velocity or the
-acceleration of a displacement input, ``integrators`` says how often the signal is integrated before it is ``d``.
-An output may pass a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
+A force input has only ``B0``, a displacement input all three.  If the velocity or acceleration of a displacement input is
+imposed, ``integrators`` is the number of integrations from the signal to ``d``.
+An output may have a second-order low-pass filter (damping ratio ``1/sqrt 2``) of a given bandwidth.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ from boomctl.checks import names
 from boomctl.printing import compact
 from boomctl.units import half_unit
 
-FILTER_DAMPING = np.sqrt(0.5)  # of the outputs' low-pass filters: the flattest pass band (Butterworth)
+FILTER_DAMPING = np.sqrt(0.5)  # Damping ratio of the outputs' low-pass filters (Butterworth).
 
 
 def evaluate(terms: Array, s: Array) -> Array:
@@ -40,18 +40,18 @@ class Ports:
     B, L, E : (3, n, m), (3, p, n), (3, p, m) ndarray
         As in the equations above, ``B[0]`` the columns of ``d``, ``B[1]`` those of ``d'``, and so on.
     moved : tuple of bool
-        Whether an input imposes motion.
+        True for inputs that impose motion.
     integrators : tuple of int
-        How often an input is integrated before it is ``d``.
+        Number of integrations from an input to ``d``.
     bandwidths : tuple of float or None
-        Of an output's low-pass filter [rad/s]; None: it has none.
+        Bandwidths of the low-pass filters of outputs [rad/s]; None without a filter.
     primary : pair of tuples of str, or None
-        The inputs and outputs that are meant where nobody names any; None: all.
+        Default inputs and outputs; None for all.
     strains : (rows, m) ndarray, or None
-        What imposed displacements strain of a structure's elastic rows, ``B[0] = -R^T diag(k) strains``: near a stiff beam
-        ``B[0]`` itself is made of forces far larger than what they push.  Zero for other inputs.
+        Strains of a structure's elastic rows by imposed displacements, ``B[0] = -R^T diag(k) strains``.  Near a stiff beam
+        ``B[0]`` itself consists of forces far larger than their resultant.  Zero for other inputs.
     tensions : (p, rows) ndarray, or None
-        What outputs that are reactions read of the forces of these rows, ``L[0] = tensions diag(k) R``, likewise.
+        Rows of outputs that are reactions over the forces of the elastic rows, ``L[0] = tensions diag(k) R``.
     units : mapping from signal to str
         SI units of the signals whose unit is known.
     """
@@ -89,7 +89,7 @@ class Ports:
         )
 
     def select(self, inputs: str | Sequence[str] | None, outputs: str | Sequence[str] | None) -> "Ports":
-        """Return the ports named, in the order asked for; ``None`` means all.  Who names some means these first of all."""
+        """Return the named ports, in the requested order; ``None`` means all.  Named ports become the primary ones."""
         if inputs is None and outputs is None:
             return self
         ins, outs = names("input", inputs, self.inputs), names("output", outputs, self.outputs)
@@ -118,20 +118,20 @@ class Ports:
         return replace(self, B=T.T @ self.B, L=self.L @ T)
 
     def restricted(self, T: Array) -> "Ports":
-        """Return the same where ``T`` leaves out motions: what forces and outputs meet of the others by rounding is zero."""
+        """Return the ports over ``z`` with ``q = T z``, with zeros in place of rounding error from the truncated motions."""
         (_, n, m), p = self.B.shape, self.L.shape[1]
         lines = combined(np.concatenate([self.B.transpose(0, 2, 1).reshape(3 * m, n), self.L.reshape(3 * p, n)]), T)
         B, L = lines[: 3 * m].reshape(3, m, lines.shape[1]), lines[3 * m :].reshape(3, p, lines.shape[1])
         return replace(self, B=B.transpose(0, 2, 1), L=L)
 
-    def felt(self, V: Array, rigid: Array) -> "Ports":
+    def over_motions(self, V: Array, rigid: Array) -> "Ports":
         """Return the ports over motions ``V``, of which some are rigid.
 
-        An imposed displacement acts through strains, and these have none.
+        An imposed displacement acts through strains, which are zero for rigid motions.
         """
-        seen = self.restricted(V)
-        seen.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
-        return seen
+        result = self.restricted(V)
+        result.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
+        return result
 
     def mixed(self, P: Array, ins: tuple[Array, tuple[str, ...]], outs: tuple[Array, tuple[str, ...]]) -> "Ports":
         """Return the ports over ``z`` with ``q = P z`` whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``.

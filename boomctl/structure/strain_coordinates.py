@@ -1,10 +1,10 @@
-"""Coordinates in which stiffness is the unit matrix, found from rows without ever forming the stiffness matrix.
+"""Coordinates in which stiffness is the unit matrix, computed from rows without forming the stiffness matrix.
 
 With ``S = diag(sqrt k) R = Q T P^T`` (orthogonal, triangular, permutation) and ``q = P T^-1 z``, ``K`` is the unit matrix,
-and mass and damping are sums over rows of the size that counts.  A stiffness matrix that is formed loses as many digits as
-its stiffest element is stiffer than the structure.  Rows that are sorted by size keep theirs, for Householder's method with
-sorted rows and pivoted columns is stable row by row (Cox & Higham 1998).  What is slow is large in these coordinates, so
-that eigenvalues keep the digits of the slow ones.
+and mass and damping are sums over rows of the relevant magnitude.  Forming the stiffness matrix loses accuracy by the ratio
+of the stiffest element to the structure.  Rows sorted by magnitude remain accurate, because Householder's method with sorted
+rows and pivoted columns is stable row by row (Cox & Higham 1998).  Slow motions are large in these coordinates, so slow
+eigenvalues are accurate.
 """
 
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
 from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.ports import Ports
 
-# smallest singular value of such rows, up to which coordinates are scaled evenly before rank is told: short elements beside
-# long ones make small ones too
+# Smallest singular value of such rows below which coordinates are equilibrated before the rank is determined; short elements
+# next to long ones also cause small singular values.
 _CLEAR = 1e-4
-_EVENED = 30  # rounds of scaling: each takes the root of what is uneven (a choice)
+_EVENED = 30  # Iterations of equilibration; each takes the square root of the imbalance.
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class StrainForm:
     C : (n, n) ndarray
         Damping.
     rigid : int
-        Number of rigid motions: those that strain nothing, to rounding.
+        Number of rigid motions, whose strains are zero to within rounding.
     free : int
-        Number of those that dampers do not resist either: the last ones.
+        Number of undamped rigid motions, which are the last ones.
     forces : (elastic rows, n) ndarray
         Forces of the elastic rows.
     """
@@ -62,11 +62,11 @@ class StrainForm:
         """Mass, damping and stiffness matrix over these coordinates."""
         return self.N.T @ self.N, self.C, np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
 
-    def seen(self, ports: Ports) -> tuple[Array, Array]:
+    def ports_matrices(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
         if self.rigid:
-            felt = ports.felt(self.V, np.arange(self.strains, len(self.V)))
-            B, L = felt.B, felt.L
+            result = ports.over_motions(self.V, np.arange(self.strains, len(self.V)))
+            B, L = result.B, result.L
         else:
             B, L = self.V.T @ ports.B, ports.L @ self.V
         if ports.strains is not None:
@@ -78,14 +78,14 @@ class StrainForm:
 
     def in_modes(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over undamped modes."""
-        (B, L), own = self.seen(ports), self.own_modes[1]
+        (B, L), own = self.ports_matrices(ports), self.own_modes[1]
         return own.T @ B, L @ own
 
     def modes(self) -> tuple[Array, Array]:
         """Return undamped frequencies [rad/s], ascending, and mass-normalized shapes over the old coordinates.
 
         Rigid motions have the frequency zero.  The others follow from the singular values of the mass rows, which are the
-        inverse frequencies: the slow ones have all digits.
+        inverse frequencies: slow modes are accurate to rounding error.
         """
         frequencies, own = self.own_modes
         return frequencies, self.V @ own
@@ -94,7 +94,7 @@ class StrainForm:
     def own_modes(self) -> tuple[Array, Array]:
         """Undamped frequencies and mass-normalized shapes over these coordinates.
 
-        What is faster than rounding can tell has the frequency at which that begins.
+        Modes too fast to resolve in the presence of rounding have the frequency of that limit.
         """
         r, n = self.strains, len(self.V)
         own = np.zeros((n, n))
@@ -105,7 +105,7 @@ class StrainForm:
         return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), own
 
     def poles(self) -> Array:
-        """Return all poles, those of rigid motions that nothing damps exactly zero; the slow ones have all digits.
+        """Return all poles, exactly zero for undamped rigid motions; slow poles are accurate to rounding error.
 
         They are the inverse of the eigenvalues of ``1/s``.
         """
@@ -127,7 +127,7 @@ def _spread(S: Array) -> Array:
 
 
 def parted(lines: Array) -> tuple[Array, int]:
-    """Return an orthogonal combination of motions that lines read, and how many, the last ones, they do not see."""
+    """Return an orthogonal combination of motions, and the number of those, the last ones, that the lines do not read."""
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
     size = np.linalg.norm(lines, axis=1)
@@ -136,32 +136,32 @@ def parted(lines: Array) -> tuple[Array, int]:
 
 
 def _even(rows: Array) -> Array:
-    """Return factors of columns with which all rows and all columns have about one size (Ruiz 2001).
+    """Return factors of columns with which all rows and columns have similar norms (Ruiz 2001).
 
-    An entry that is rounding of its row is none: a motion that strains nothing must not be enlarged until its rounding does.
+    Entries below rounding of their row are ignored: a rigid motion must not be enlarged until its rounding error strains.
     """
-    told = np.abs(rows) > CANCELLED * np.abs(rows).max(axis=1, keepdims=True)
-    factor, scaled = np.ones(rows.shape[1]), np.where(told, rows, 0.0)
+    significant = np.abs(rows) > CANCELLED * np.abs(rows).max(axis=1, keepdims=True)
+    factor, scaled = np.ones(rows.shape[1]), np.where(significant, rows, 0.0)
     for _ in range(_EVENED):
         size = np.linalg.norm(scaled, axis=0)
-        share = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
-        factor, scaled = factor * share, scaled * share
+        scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
+        factor, scaled = factor * scale, scaled * scale
         size = np.linalg.norm(scaled, axis=1)
         scaled = scaled / np.sqrt(np.where(size > 0.0, size, 1.0))[:, None]
     return factor
 
 
 def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Array, int]:
-    """Return motions ``V`` that parts rows into unit strains and none: ``S V = Q``, its last columns exactly zero.
+    """Return motions ``V`` that separate unit strains from rigid motions: ``S V = Q``, its last columns exactly zero.
 
     Parameters
     ----------
     S : (rows, n) ndarray
         Rows, each times the root of its stiffness.
     rows : (rows, n) ndarray
-        The same, each of its own size.
+        The same rows without these factors.
     column : (n,) ndarray
-        Sizes of the coordinates.
+        Magnitudes of the coordinates.
 
     Returns
     -------
@@ -169,25 +169,25 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     Q : (rows, n) ndarray
         In the order that follows.
     order : (rows,) ndarray
-        Of the rows, the stiffest first.
+        Order of the rows, the stiffest first.
     r : int
-        How many columns strain.
+        Number of columns with strains.
     """
-    n, given = S.shape[1], S
-    S = given * column
+    n, unscaled = S.shape[1], S
+    S = unscaled * column
     spread = _spread(S)
     if spread[-1] < _CLEAR:
         column = _even(rows)
-        S = given * column
+        S = unscaled * column
         spread = _spread(S)
     r = int((spread > SUMMED * spread[0]).sum())
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
-    T, places, tau, _, _ = lapack.dgeqp3(S[order])
+    T, pivots, tau, _, _ = lapack.dgeqp3(S[order])
     V, Q = np.zeros((n, n)), np.zeros_like(S)
     Q[:, :r] = lapack.dorgqr(T[:, : len(tau)], tau)[0][:, :r]
-    V[places[:r] - 1, :r] = blas.dtrsm(1.0, T[:r, :r], np.eye(r))
-    V[places[:r] - 1, r:] = -V[places[:r] - 1, :r] @ T[:r, r:]
-    V[places[r:] - 1, r:] = np.eye(n - r)
+    V[pivots[:r] - 1, :r] = blas.dtrsm(1.0, T[:r, :r], np.eye(r))
+    V[pivots[:r] - 1, r:] = -V[pivots[:r] - 1, :r] @ T[:r, r:]
+    V[pivots[r:] - 1, r:] = np.eye(n - r)
     V *= column[:, None]
     return V, Q, order, r
 
@@ -203,10 +203,10 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     if r < n:
         _, own, mixed = np.linalg.svd(inertia @ V[:, r:], full_matrices=False)
         V[:, r:] = V[:, r:] @ (mixed.T / own)
-        apart, free = parted(combined(dampers, V[:, r:]))
-        V[:, r:] = V[:, r:] @ apart
+        basis, free = parted(combined(dampers, V[:, r:]))
+        V[:, r:] = V[:, r:] @ basis
         V[:, r:] = np.where(np.abs(V[:, r:]) * np.sqrt(mass)[:, None] > SUMMED, V[:, r:], 0.0)
-        for _ in range(2):  # what the first round leaves is rounding of strains, which may be large
+        for _ in range(2):  # The first iteration leaves rounding error of strains, which may be large.
             V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
     loss, damped = (weights.c[elastic] / weights.k[elastic])[order], combined(dampers, V)
     damped[:, n - free :] = 0.0

@@ -11,7 +11,7 @@ from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 
 _PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
-_KEPT = 256  # choices of signals kept, so that they are split in halves once (a choice of memory)
+_CACHED_SPLITS = 256  # Number of cached selections of signals that are split into subsystems.
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class SignalPair:
 
 @dataclass(frozen=True, eq=False)
 class Mirror:
-    """How the reflection ``x -> -x`` acts: coordinate ``i`` becomes ``sign[i]`` times coordinate ``partner[i]``."""
+    """The reflection ``x -> -x``: coordinate ``i`` becomes ``sign[i]`` times coordinate ``partner[i]``."""
 
     partner: Array
     sign: Array
@@ -36,13 +36,13 @@ class Mirror:
 
     def restricted(self, choice: Elimination) -> "Mirror | None":
         """Return the mirror of the independent coordinates, or None if the elimination was not symmetric."""
-        kept = choice.independent
+        independent = choice.independent
         new = np.full(len(self.partner), -1)
-        new[kept] = np.arange(len(kept))
-        partner = new[self.partner[kept]]
+        new[independent] = np.arange(len(independent))
+        partner = new[self.partner[independent]]
         if (partner < 0).any():
             return None
-        return Mirror(partner, self.sign[kept], self.pairs)
+        return Mirror(partner, self.sign[independent], self.pairs)
 
     def representatives(self, parity: int) -> Array:
         """Return one coordinate for each motion of the given parity: the first of a pair, or the one on the axis."""
@@ -91,7 +91,7 @@ class Mirror:
         return _half_signals(self, tuple(names), parity)
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_SPLITS)
 def _half_signals(mirror: Mirror, names: tuple[str, ...], parity: int) -> tuple[Array, tuple[str, ...]] | None:
     columns, stems, covered = [], [], set()
     for pair in mirror.pairs:
@@ -128,9 +128,9 @@ def beam_reflection(names: Sequence[str], nodes: int) -> Mapping[str, tuple[str,
 def mirror_of(
     coordinates: Sequence[str], images: Mapping[str, tuple[str, int]], pairs: tuple[SignalPair, ...]
 ) -> Mirror | None:
-    """Return the mirror that ``images`` (coordinate -> (image, sign)) describes; None if an image is not there."""
-    place = {name: i for i, name in enumerate(coordinates)}
-    if any(images[name][0] not in place for name in coordinates):
+    """Return the mirror that ``images`` (coordinate -> (image, sign)) describes; None if an image is missing."""
+    index = {name: i for i, name in enumerate(coordinates)}
+    if any(images[name][0] not in index for name in coordinates):
         return None
-    partner = np.array([place[images[name][0]] for name in coordinates])
+    partner = np.array([index[images[name][0]] for name in coordinates])
     return Mirror(partner, np.array([float(images[name][1]) for name in coordinates]), pairs)

@@ -1,4 +1,4 @@
-"""Controllers, each with a certificate that was computed apart from the solver."""
+"""Controller synthesis, with certificates that are computed independently of the solver."""
 
 from boomctl.lazy import loader
 

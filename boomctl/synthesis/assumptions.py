@@ -14,7 +14,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 _RANK_RTOL = 1e-10  # Least singular value of D12 or D21 with unit columns; its inverse must have six digits.
 _ZERO_RTOL = 1e-14  # A column below this fraction of the largest one is rounding.
-_NAMED_SHARE = 1e-3  # Least part in a dependent combination for which a signal is named.
+_NAMED_FRACTION = 1e-3  # Least part in a dependent combination for which a signal is named.
 
 
 def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
@@ -74,8 +74,8 @@ def _dependent(columns: Array, names: tuple[str, ...], what: str) -> list[str]:
     _, values, right = linalg.svd(columns / sizes)
     if len(columns) >= len(names) and values[-1] > _RANK_RTOL:
         return []
-    share = np.abs(right[-1])
-    parts = [repr(name) for name, part in zip(names, share, strict=True) if part > _NAMED_SHARE * share.max()]
+    weight = np.abs(right[-1])
+    parts = [repr(name) for name, part in zip(names, weight, strict=True) if part > _NAMED_FRACTION * weight.max()]
     return [f"a combination of the {what}s {', '.join(parts)}"]
 
 
@@ -93,30 +93,30 @@ def checked(plant: GeneralizedPlant) -> NormalizedPlant:
     ready = normalized(plant)
     check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.state_labels, ready.system.dt)
     check_detectable(ready.A, ready.C2, plant.measurements, ready.system.state_labels, ready.system.dt)
-    for place in _zeros_on_axis(ready):
+    for location in _zeros_on_axis(ready):
         raise SynthesisError(
-            f"From the controls ({', '.join(plant.controls)}) to the performance outputs there is a zero {place}. Weight"
+            f"From the controls ({', '.join(plant.controls)}) to the performance outputs there is a zero {location}. Weight"
             " a signal in which that motion has a part, or damp it."
         )
-    for place in _zeros_on_axis(ready.dual):
+    for location in _zeros_on_axis(ready.dual):
         raise SynthesisError(
             f"From the disturbances ({', '.join(plant.disturbances)}) to the measurements"
-            f" ({', '.join(plant.measurements)}) there is a zero {place}. Add a disturbance or a noise that excites that"
+            f" ({', '.join(plant.measurements)}) there is a zero {location}. Add a disturbance or a noise that excites that"
             " motion."
         )
     return ready
 
 
 def _zeros_on_axis(ready: GeneralizedPlant) -> list[str]:
-    """Return where zeros from controls to performance outputs are on the axis: modes that control can hide from these."""
+    """Describe the zeros on the axis from controls to performance outputs: modes that control can make unobservable."""
     free, dt = ready.nz - ready.ncon, ready.system.dt
     rows = ready.C1[:free]
     rows = rows[np.linalg.norm(rows, axis=1) > SOLVED * np.linalg.norm(ready.C1)]  # without rounding of a rotation
-    shifted, places = ready.A - ready.B2 @ ready.C1[free:], []
+    shifted, locations = ready.A - ready.B2 @ ready.C1[free:], []
     for zero in unmoved(shifted.T, rows.T, ready.system.state_labels, axis_only=True, dt=dt):
         omega = abs(zero.pole.imag) or zero.omega
         axis = "unit circle" if dt else "imaginary axis"
-        places.append(
+        locations.append(
             f"on the {axis} at {omega:.6g} rad/s ({omega / (2.0 * np.pi):.4g} Hz, mostly in state {zero.state!r})"
         )
-    return places
+    return locations

@@ -121,50 +121,50 @@ class DesignCertificate:
     Attributes
     ----------
     norm_bounds : NormBounds
-        The closed loop's norm between two bounds: the H-infinity norm; of `lqg` and `h2` the H2 norm, whose square is the
-        cost; of `tune` the largest objective, computed anew from the plant as it was handed in; of `lqr` the H-infinity norm
-        of the inverse return difference, whose largest value found it is.
+        Bounds on the norm of the closed loop: the H-infinity norm; for `lqg` and `h2` the H2 norm, whose square is the
+        cost; for `tune` the largest objective, computed from the plant passed by the user; for `lqr` the largest
+        computed value of the inverse return difference.
     spectral_abscissa : float
         Largest real part of the closed loop's poles [rad/s], negative; ``-inf`` without states.  In discrete time of their
         rates ``log(z)/dt``.
     fastest_pole : float
         Largest magnitude of the controller's poles [rad/s]; in discrete time of ``z``.
     lower_bound : float
-        A norm that no controller of any order goes below; 0 where none is known.
+        Lower bound on the norm for controllers of any order; 0 if none is known.
     lower_bound_source : str
-        Where that bound comes from, or why there is none.
+        Source of that bound, or the reason why there is none.
     stages : tuple of str
-        What was done or tried, in that order, and what came of it.
+        Solver log, one entry per stage.
     summary : str
-        All this in a sentence.
+        Summary of the verification in one sentence.
     stable : bool or None
-        Whether the loop is stable; None of a loop on a full plant where that was not proved either way.
+        True if the loop is stable; None for a loop on a full plant if neither stability nor instability was proved.
     full_plant : DesignCertificate or None
-        Of a design on a reduced plant: what is known of the loop on the full one.  Its ``norm_bounds`` is of the kind of the
-        design's: of `lqg` the root of the cost on the full plant, of `h2` the H2 norm there.
+        For a design on a reduced plant: verification of the loop on the full plant.  Its ``norm_bounds`` has the same kind
+        of norm as the design: for `lqg` the root of the cost on the full plant, for `h2` the H2 norm there.
     small_gain : float
-        Of a loop on a full plant: the largest ``K S`` (from what is added to the measurements to the controls) times the
-        error of the reduction, at any frequency: below one, the loop is proved stable.
+        For a loop on a full plant: the largest ``K S`` (from signals added to the measurements to the controls) times the
+        error of the reduction, at any frequency.  If it is below one, the loop is proved stable.
     regulator_riccati, filter_riccati : RiccatiSolution or None
-        Of `lqr`, `lqg` and `h2`: the solutions of the Riccati equations of regulator and filter, and how exact they are.
+        For `lqr`, `lqg` and `h2`: the solutions of the Riccati equations of regulator and filter, and their accuracy.
     min_return_difference : float
-        Of `lqr`: smallest singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` found at any frequency.  Of an optimal
-        regulator it is 1 (Kalman's inequality), whence margins of 60 degrees and from one half to infinity in each
-        control; on very fine meshes rounding of the gain takes some of its digits, and below 0.99 no regulator is
-        returned.  In discrete time, where a regulator has no such margins, of ``(R + B^T X B)^1/2 (I + F (z I - A)^-1 B)
-        R^-1/2`` on the unit circle, likewise at least 1.  With a cross weight ``N``, where the inequality does not
-        hold, it is what was found.
+        For `lqr`: smallest computed singular value of ``R^1/2 (I + F (s I - A)^-1 B) R^-1/2`` at any frequency.  For an
+        optimal regulator it is 1 (Kalman's inequality), which gives margins of 60 degrees and from one half to infinity in
+        each control.  On very fine meshes rounding of the gain reduces its accuracy; a regulator is returned only if it is
+        at least 0.99.  In discrete time, where a regulator has no such margins, of ``(R + B^T X B)^1/2 (I + F (z I - A)^-1
+        B) R^-1/2`` on the unit circle, which is also at least 1.  With a cross weight ``N``, for which the inequality does
+        not hold, the computed value without a limit.
     channel_norms : tuple of ChannelNorm
-        Of `tune`: each channel of each model.
+        For `tune`: the norm of each channel of each model.
     active_peaks : tuple of ActivePeak
-        Of `tune`: the peaks that keep the norm from going lower.
+        For `tune`: the peaks that are active at the optimum.
     stationarity : float
-        Of `tune`: length of the least element of the hull of the gradients of these peaks, over that of the longest of them:
-        near zero where no small step goes lower, one where a single smooth peak still falls.
+        For `tune`: length of the least element of the convex hull of the gradients of these peaks, relative to the longest of
+        them.  It is near zero if no small step reduces the norm, and one if a single smooth peak can still be reduced.
     active_constraints : tuple of str
-        Of `tune`: bounds that are used up.
+        For `tune`: active bounds.
     worst_case : ChannelNorm or None
-        Of `tune` over a family: the worst norm found anywhere in it.
+        For `tune` over a family: the worst computed norm within it.
     """
 
     norm_bounds: NormBounds

@@ -63,13 +63,13 @@ def discretize(
     >>> bc.discretize(lag, 0.1).A.round(4)
     array([[0.8182]])
     """
-    given: Any = getattr(controller, "controller", controller)
-    if hasattr(given, "__lti__"):
+    source: Any = getattr(controller, "controller", controller)
+    if hasattr(source, "__lti__"):
         raise TypeError(
-            f"`controller` must be a StateSpace, got {type(given).__name__}. Sample a structure by its"
+            f"`controller` must be a StateSpace, got {type(source).__name__}. Sample a structure by its"
             f" .to_statespace(dt={sample_time}), with delayed controls by boomctl.analysis.sample_plant."
         )
-    K, T, warped = controller_of(given), positive("sample_time", sample_time), None
+    K, T, warped = controller_of(source), positive("sample_time", sample_time), None
     known("method", method, _METHODS)
     if positive("samples_per_period", samples_per_period) < 2.0:
         raise ValueError(
@@ -85,7 +85,7 @@ def discretize(
             )
     corner = 2.0 / T if warped is None else warped / np.tan(0.5 * warped * T)
     _check_poles(K.poles, T, samples_per_period, corner if method == "tustin" else np.inf)
-    return discretized(K, T, method, warped).statespace(f"{given.name}_discrete")
+    return discretized(K, T, method, warped).statespace(f"{source.name}_discrete")
 
 
 def _check_poles(poles: Array, T: float, samples: float, corner: float) -> None:

@@ -121,7 +121,7 @@ def reduce_controller(
     plant, K = matched(P, controller, sampled=True)
     if K.dt != 0.0 and fastest_pole is not None:
         raise ValueError("`fastest_pole` must be None for a discrete controller, which runs once a sample.")
-    share = nonnegative("max_degradation", max_degradation)
+    degradation = nonnegative("max_degradation", max_degradation)
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"`order` must be at most {len(K.A)}, that of the controller, got {order}.")
@@ -139,11 +139,11 @@ def reduce_controller(
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]
-    ways = [(method, partial(reduced, balanced, count)) for count in orders for method, reduced in _METHODS.items()]
+    runs = [(method, partial(reduced, balanced, count)) for count in orders for method, reduced in _METHODS.items()]
     if order is None or order >= len(K.A):
-        ways.append(("not reduced", partial(replace, K)))  # balancing may cost what is allowed
-    allowed, rejected = full.norm.upper_bound * (1.0 + share), ""
-    for method, reduced in ways:
+        runs.append(("not reduced", partial(replace, K)))  # Balancing may cause the allowed degradation.
+    allowed, rejected = full.norm.upper_bound * (1.0 + degradation), ""
+    for method, reduced in runs:
         try:
             result = verified_candidate(plant, reduced(), allowed, limit)
         except ValueError as error:  # Also `numpy.linalg.LinAlgError`.
@@ -174,12 +174,12 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     B, C = loop.B / scale[:, None], loop.C * scale[None, :]
     solve, sign = (linalg.solve_continuous_lyapunov, -1.0) if K.dt == 0.0 else (linalg.solve_discrete_lyapunov, 1.0)
     P, Q = solve(A, sign * B @ B.T), solve(A.T, sign * C.T @ C)
-    driven, seen = square_root(P[n:, n:]), square_root(Q[n:, n:])
-    left, values, right = linalg.svd(seen.T @ driven, full_matrices=False)
-    # share of the largest singular value below which a state does nothing but rounding
-    kept = values > SUMMED * values[0]
-    into = (left[:, kept] / np.sqrt(values[kept])).T @ seen.T / scale[n:]
-    out = scale[n:, None] * (driven @ (right[kept].T / np.sqrt(values[kept])))
+    driven, observed = square_root(P[n:, n:]), square_root(Q[n:, n:])
+    left, values, right = linalg.svd(observed.T @ driven, full_matrices=False)
+    # States below this fraction of the largest singular value are rounding error.
+    retained = values > SUMMED * values[0]
+    into = (left[:, retained] / np.sqrt(values[retained])).T @ observed.T / scale[n:]
+    out = scale[n:, None] * (driven @ (right[retained].T / np.sqrt(values[retained])))
     return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, state_labels=()), values
 
 

@@ -16,7 +16,7 @@ from boomctl.progress import Deadline, tell
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
 from boomctl.synthesis.hinf.bounds import REFUTED_RTOL
 from boomctl.synthesis.lq.h2 import h2
-from boomctl.synthesis.plants.channels import Channel, channel_of, places
+from boomctl.synthesis.plants.channels import Channel, channel_of, signal_indices
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tunable.structures import GAIN
 from boomctl.tuning.full_order import full_order_bound
@@ -84,7 +84,7 @@ def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -
     """Return the verified norm of a channel of a loop."""
     if channel.norm == "hinf":
         return matrices_norm(ClosedLoop(channel_of(plant, channel).system, K))
-    part = loop.between(*places(plant, channel))
+    part = loop.between(*signal_indices(plant, channel))
     return matrices_h2_norm(replace(part, D=np.zeros_like(part.D)))
 
 

@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti
-from boomctl.synthesis.plants.channels import Channel, places
+from boomctl.synthesis.plants.channels import Channel, signal_indices
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tunable.blocks import Differentiated
 from boomctl.tunable.structures import PHYSICAL, ControllerForm, Free, Ports
@@ -69,7 +69,7 @@ class Problem:
                 known("disturbance", name, first.disturbances)
             for name in channel.outputs or ():
                 known("performance signal", name, first.performance)
-        ends = [places(first, channel) for channel in channels]
+        ends = [signal_indices(first, channel) for channel in channels]
         columns, rows = (tuple(np.array(item[k]) for item in ends) for k in (0, 1))
         return cls(structure, plants, channels, ports, limits, columns, rows)
 

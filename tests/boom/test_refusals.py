@@ -115,7 +115,7 @@ REFUSED = [
     (lambda: sprayed(time=np.r_[TIME[:-1], 12.0]), r"time\[999\] = 12: a gap"),
     (lambda: sprayed(positions=PLACES[::-1]), "positions: expected at least two points, ascending"),
     (lambda: sprayed(speed=0.0), r"speed = 0\.0: expected a number from 1e-06 to 1e\+06 m/s"),
-    (lambda: sprayed(speed=0.001), "too short for a cell to be judged"),
+    (lambda: sprayed(speed=0.001), "too short to evaluate a cell"),
     (lambda: sprayed(displacement=1e6 * TIME * np.ones((24, 1))), r"displacement: nozzles travel 9\.99e.06 m over"),
     (lambda: sprayed(cell_size=(0.1,)), "`cell_size` must be one size, or those along the boom"),
     (lambda: sprayed(cell_size=(1e-9, 0.1)), "too much for cells of 1e-09 by 0.1 m"),

@@ -60,7 +60,7 @@ def test_modal_coordinates_keep_the_digits_of_a_fine_mesh(elements):
     omega = np.unique(np.concatenate([np.geomspace(0.1, 200.0, 100), 2.0 * np.pi * model.eigenfrequencies_hz(3)]))
     full = np.asarray(model.frequency_response(omega).frdata)
     stable = core.stable.response(omega) if core.modal is None else core.modal.response(omega)
-    off = np.abs(full - stable - core.kept.response(omega)).max(axis=2)
+    off = np.abs(full - stable - core.retained.response(omega)).max(axis=2)
     assert (off <= 1e-7 * np.abs(full).max(axis=2)).all()
 
 

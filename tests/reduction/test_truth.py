@@ -122,7 +122,7 @@ def test_states_without_a_static_answer_are_named(monkeypatch):
 
     monkeypatch.setattr("boomctl.reduction.reducers.residualised", singular)
     full = control.ss(np.diag([-1.0, -2.0]), np.ones((2, 1)), np.ones((1, 2)), 0.0)
-    with pytest.raises(ReductionError, match="order 1: the states that go cannot rest"):
+    with pytest.raises(ReductionError, match="order 1: the truncated states have no static response"):
         bc.reduce(full, 1, "singular-perturbation", omega_range=(1.0, 2.0))
 
 

@@ -106,7 +106,7 @@ REFUSED = [
         "'body.theta', which has no inertia",
     ),
     (lambda: Assembly((BODY, RigidBody("hand", BODY.at(0.0), revolute()))).assemble(), r"hand\.theta"),
-    (lambda: CutJoint(CRANK.at(1.0), GROUND.at(1.1)), r"its points rest 0\.1 m apart; expected one place"),
+    (lambda: CutJoint(CRANK.at(1.0), GROUND.at(1.1)), r"its points must coincide at rest, got a distance of 0\.1 m"),
     (lambda: chained(*2 * (CutJoint(CRANK.at(1.0), GROUND.at(1.0), ("y",)),)), "cut joint between crank and ground"),
     # meshes
     (lambda: meshed(FiniteElements((0.0, 0.5))), r"stations of beam 'beam' run from 0 to 0\.5 m; expected 0 to 2 m"),
@@ -128,7 +128,7 @@ REFUSED = [
         "derivative of output 'y' = 3: expected a whole number of at most 2",
     ),
     (lambda: beam(segments=()), "beam 'beam': expected at least one segment"),
-    (lambda: beam(parent=GROUND.at(1.0, 0.1)), r"0\.1 m beside an axis of 2 m"),
+    (lambda: beam(parent=GROUND.at(1.0, 0.1)), r"0\.1 m off an axis of 2 m"),
     (lambda: beam().at(-0.001), r"`s` must be from 0 to 2 m, the length of beam .beam., got -0\.001\. Use `at_point"),
     (lambda: rectangular_section(0.02, 0.06, 0.01), r"wall = 0\.01: expected less than half the width"),
     (lambda: rectangular_section(0.06, 0.02, (0.001, 0.02)), "less than half the depth"),
@@ -199,7 +199,7 @@ def test_damped_eigenvalues_of_coarse_start_are_refused():
     start = boom_assembly(p, FiniteElements(12)).assemble()
     five = np.sort(damped_eigenvalues(exact_boom(p), start, ACTUATORS, 5).imag) / (2.0 * np.pi)
     assert five == pytest.approx(bc.exact_eigenfrequencies_hz(p, 5), rel=1e-12)
-    with pytest.raises(ArithmeticError, match="left its start: refine the starting discretisation"):
+    with pytest.raises(ArithmeticError, match="left its start: refine the starting discretization"):
         damped_eigenvalues(exact_boom(p), start, ACTUATORS, 6)
 
 

@@ -197,7 +197,7 @@ def forced_modes(
         from_state=np.kron(np.eye(2), M),
         rest=ca.Function("rest", [state, u], [moved.rest]),
         read=ca.Function("read", [state, u], [outputs, moved.margin]),
-        judged=ca.Function("judged", [state], [ca.vertcat(reach * angle, outputs[2])]),
+        displacements=ca.Function("displacements", [state], [ca.vertcat(reach * angle, outputs[2])]),
         units={**LOOP_UNITS, **{sensor.name: QUANTITIES[sensor.quantity] for sensor in sensors}},
     )
 

@@ -117,7 +117,9 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, C
                     "the loop diverges: its states grow beyond all numbers before the last of timepts"
                 ) from None
             continue
-        there, here = (at_columns(p.machine.judged, result[0][:, :: p.grid.per_point])[0] for result in (first, second))
+        there, here = (
+            at_columns(p.machine.displacements, result[0][:, :: p.grid.per_point])[0] for result in (first, second)
+        )
         apart = np.abs(here - there).max(axis=1)
         wanted = atol + rtol * np.abs(here).max(axis=1)
         if (apart <= wanted).all():

@@ -4,11 +4,11 @@ With ``z^4 = omega^2 rhoA l^4/(EI (1 + i omega c_b))`` the forces and moments at
 from the end displacements and rotations through six functions of ``z``.  For small ``|z|`` they are quotients of power
 series in ``z^4``, without cancellation; for large ``|z|`` decaying exponentials keep them from overflow.
 
-The same stiffness over a segment's strains and the motion of its ends as a whole (``strain_functions``) has no static
-share but that of the strains, so that a short segment's huge stiffness is never summed with what is soft.
+Over a segment's strains and the rigid motion of its ends (``strain_functions``), the static part of the same stiffness is
+that of the strains, so the huge stiffness of a short segment is never summed with soft terms.
 
-The interior of a segment with clamped ends has natural frequencies of its own; their number below a frequency is what
-the count of Wittrick and Williams (1971) adds to the negative pivots of the dynamic stiffness.
+The interior of a segment with clamped ends has separate natural frequencies; their number below a frequency is added to the
+number of negative pivots of the dynamic stiffness in the count of Wittrick and Williams (1971).
 """
 
 from fractions import Fraction
@@ -18,19 +18,19 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-_SERIES_LIMIT = 2.0  # |z| up to which the series is taken; exponentials cancel below, some |z|^-3 eps (a choice)
-_TERMS = 8  # of each series; what follows is below 1e-22 at |z| = 2: 4^8 2^32/33!
+_SERIES_LIMIT = 2.0  # |z| up to which the series is used; below, exponentials cancel with an error of |z|^-3 eps.
+_TERMS = 8  # Terms of each series; the remainder is below 1e-22 at |z| = 2: 4^8 2^32/33!
 
 
 # offset, ratio and factor of ``factor * sum ratio^k x^k/(4k + offset)!``: the six end functions are fractions of such series,
-# of which the seventh is the common denominator (derived: cosh, sinh, cos, sin in x)
+# of which the seventh is the common denominator
 _FRACTIONS = ((1, -4, 2), (2, -4, 2), (3, -4, 4), (1, 1, -2), (2, 1, 2), (3, 1, 2), (4, -4, 4))
 
 
 def _series(weights: Array) -> Array:
     """Return the coefficients of sums of the six numerators, and last those of the denominator, lowest power first.
 
-    They are summed exactly: static shares of the strain functions cancel to the last digit, and so do others.
+    They are summed in exact arithmetic, so that static parts of the strain functions and other terms cancel exactly.
     """
     lines, padded = [], np.pad(weights, (0, 1))
     padded[-1, -1] = 1.0
@@ -74,9 +74,9 @@ def end_functions(x: Array) -> Array:
 
 
 def strain_functions(x: Array) -> tuple[Array, Array]:
-    """Return the six strain functions of ``x = z^4``, shape (6, len(x)), and the size of what each was summed from.
+    """Return the six strain functions of ``x = z^4``, shape (6, len(x)), and the magnitudes of their terms.
 
-    At ``x = 0`` they are 0, 0, 1, 0, 0, 3; next to it they keep all digits.
+    At ``x = 0`` they are 0, 0, 1, 0, 0, 3; near it they are accurate to rounding error.
     """
     small = np.abs(x) < _SERIES_LIMIT**4
     values, sizes = np.empty((6, len(x)), dtype=complex), np.empty((6, len(x)))
@@ -121,7 +121,7 @@ def segment_terms(left: Array, right: Array) -> Array:
     """Return the matrices that multiply the six end functions, shape (6, n, m), for a segment of ``EI/length^3 = 1``.
 
     ``left`` and ``right`` are the segment's ``w1, length phi1, w2, length phi2`` over two groups of coordinates; the result
-    times ``EI/length^3 (1 + s c_b)`` and the functions, summed, is the segment's share of the dynamic stiffness.
+    times ``EI/length^3 (1 + s c_b)`` and the functions, summed, is the segment's contribution to the dynamic stiffness.
     """
     pairs = left[:, None, :, None] * right[None, :, None, :]
 
@@ -143,7 +143,7 @@ def segment_terms(left: Array, right: Array) -> Array:
 def strain_lines(ends: Array) -> Array:
     """Return ``w, rise, bend, shear`` of each segment, (4 segments, n), from its ``w1, l phi1, w2, l phi2``.
 
-    Mean displacement and rise of its ends move it as a whole; ``bend = l (phi2 - phi1)`` and
+    Mean displacement and rise of its ends are rigid motions; ``bend = l (phi2 - phi1)`` and
     ``shear = l (phi1 + phi2) - 2 rise`` strain it.
     """
     w1, turn1, w2, turn2 = np.moveaxis(ends.reshape(len(ends) // 4, 4, ends.shape[1]), 1, 0)
@@ -172,7 +172,7 @@ def strain_terms(left: Array, right: Array) -> Array:
 
 
 def clamped_count(z: Array) -> Array:
-    """Return how many clamped-clamped natural frequencies lie below ``z``: roots of ``cosh z cos z = 1`` in (0, z)."""
+    """Return the number of clamped-clamped natural frequencies below ``z``: roots of ``cosh z cos z = 1`` in (0, z)."""
     i = np.floor(z / np.pi).astype(int)
     sign = np.where(z < 1.0, 1.0, np.sign(2.0 * np.exp(-z) - (1.0 + np.exp(-2.0 * z)) * np.cos(z)))
     return np.maximum(i - ((1 - (-1.0) ** i * sign) / 2).astype(int), 0)

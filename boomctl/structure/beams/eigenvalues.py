@@ -6,28 +6,26 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import DIGIT, warn_of_rounding
-from boomctl.structure.beams.exact import PROMISED, ExactModel
+from boomctl.structure.beams.exact import WARN_RTOL, ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
 
-_SECTIONS = 24  # parts a decade in which roots are first told apart, all roots at once (measured on booms)
-_ROUNDS = 60  # each halves the brackets at least, which takes 56 to the last digit; secants make it some six
-_AROUND = 1e-3  # share of a bracket to either side of the secant's root that is asked, to close in from both (a choice)
-_SMOOTH = 1e-7  # relative width down to which a bracket tells a slope; rounding shows in narrower ones (a choice)
-_SLOWEST = 1e-30  # of the frequencies of the longest segment: slower than that, no double tells from rest (a choice)
-_CONVERGED = (
-    1e-11  # last step over the eigenvalue; Newton's method squares it, so that what is left is rounding (a choice)
-)
-_START = 1e-3  # relative error of a start up to which Newton's method finds the eigenvalue next to it
-_NEWTON_STEPS = 30  # from starts good to 1e-3 some five are taken; many more mean that it does not converge (a choice)
+_SECTIONS = 24  # Intervals per decade of the first search, which separates all roots at once.
+_ROUNDS = 60  # Limit on the iterations; bisection alone needs 56 to full accuracy, with secants about six.
+_AROUND = 1e-3  # Distance from the secant's root that is evaluated on both sides, as a fraction of the bracket.
+_SMOOTH = 1e-7  # Relative width of the narrowest bracket with an accurate derivative.
+_SLOWEST = 1e-30  # Lowest frequency, relative to the longest segment; below, double precision does not suffice.
+_CONVERGED = 1e-11  # Last step relative to the eigenvalue; quadratic convergence leaves only rounding error.
+_START = 1e-3  # Relative error of a start up to which Newton's method converges to the nearest eigenvalue.
+_NEWTON_STEPS = 30  # Limit on the Newton steps; from starts accurate to 1e-3 about five suffice.
 
 
 def undamped_frequencies(model: ExactModel, count: int) -> Array:
-    """Return the ``count`` lowest undamped natural frequencies above zero [rad/s], none missed.
+    """Return the ``count`` lowest undamped natural frequencies above zero [rad/s], without omission.
 
-    Every bracket is kept by the number of natural frequencies below its ends (Wittrick & Williams 1971), for all
-    frequencies at once; where the eigenvalue that changes its sign is smooth, its secant narrows it much faster.
+    Brackets are defined by the number of natural frequencies below their ends (Wittrick & Williams 1971), for all frequencies
+    at once.  Where the eigenvalue that changes its sign is smooth, a secant step converges faster than bisection.
     """
     low, high, rigid = _bracket(model, count)
     wanted = rigid + np.arange(count)
@@ -45,10 +43,10 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
             slope = np.where(np.isfinite(secant) & (width > _SMOOTH * b), secant, slope)
             root = a + width * at_a / (at_a - at_b)
         root = np.where(np.isfinite(root), root, a + 0.5 * width)
-        asked = np.sort([root - _AROUND * width, root + _AROUND * width, a + 0.5 * width], axis=0)
-        x = np.vstack([a, np.clip(asked, a, b), b])
+        trial = np.sort([root - _AROUND * width, root + _AROUND * width, a + 0.5 * width], axis=0)
+        x = np.vstack([a, np.clip(trial, a, b), b])
         values = np.vstack([at_a, _deciding(model, x[1:-1], wanted), at_b])
-        k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # they fall from above zero to below it
+        k, last = np.arange(count), (values >= 0.0).sum(axis=0) - 1  # Descending through zero.
         last = np.clip(last, 0, len(x) - 2)
         a, b, at_a, at_b = x[last, k], x[last + 1, k], values[last, k], values[last + 1, k]
     lost = model.strains.at_rest.unit_rounding * model.layout.rigid.n
@@ -59,25 +57,25 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
 
 
 def _warn_of_worst(values: Array, rounding: Array) -> None:
-    """Warn if an eigenfrequency may be off by more than is promised."""
+    """Warn if the error of an eigenfrequency may exceed the limit."""
     worst = int(np.argmax(rounding))
-    warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]), PROMISED)
+    warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]), WARN_RTOL)
 
 
 def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
-    """Return numbers below zero where more than ``wanted`` natural frequencies are below ``omega``, else not.
+    """Return values that are negative where more than ``wanted`` natural frequencies are below ``omega``.
 
-    They are the eigenvalues of the dynamic stiffness that tell; infinite where the count is told without them.
+    They are the decisive eigenvalues of the dynamic stiffness; infinite where the count does not depend on these.
     """
     values, clamped = model.inertia(omega.ravel())
-    values, place = values.reshape(*omega.shape, -1), wanted - clamped.reshape(omega.shape)
+    values, index = values.reshape(*omega.shape, -1), wanted - clamped.reshape(omega.shape)
     n = values.shape[2]
-    result = np.take_along_axis(values, np.clip(place, 0, n - 1)[:, :, None], axis=2)[:, :, 0]
-    return np.where(place < 0, -np.inf, np.where(place >= n, np.inf, result))
+    result = np.take_along_axis(values, np.clip(index, 0, n - 1)[:, :, None], axis=2)[:, :, 0]
+    return np.where(index < 0, -np.inf, np.where(index >= n, np.inf, result))
 
 
 def _bracket(model: ExactModel, count: int) -> tuple[float, float, int]:
-    """Return a frequency below all elastic ones, one above ``count`` of them, and how many are zero."""
+    """Return a frequency below all elastic ones, one above ``count`` of them, and the number of zero frequencies."""
     longest = max(segment.length for segment in model.segments)
     scale = max(np.sqrt(s.bending_stiffness / s.mass_per_length) for s in model.segments) / longest**2
     low, high, rigid = 1e-6 * scale, scale, model.strains.at_rest.rigid
@@ -94,16 +92,16 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
     Parameters
     ----------
     model : ExactModel
-        Its motions prescribed.
+        Model with prescribed motions.
     start : SecondOrderModel
-        A fine discretisation of the same structure, driven by forces; its poles start Newton's method on ``det D(s)``.
+        A fine discretization of the same structure, driven by forces; its poles start Newton's method on ``det D(s)``.
     moved : sequence of str
         Force inputs whose motion is prescribed in ``model``.
 
     Raises
     ------
     ArithmeticError
-        An iteration did not converge, left its start, or two of them met.
+        If an iteration did not converge or left its start, or if two of them converged to the same eigenvalue.
     """
     first = damped_poles(prescribe_displacement(start, moved).structure, count, _START)
     s = np.array(first, dtype=complex)
@@ -114,12 +112,12 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
         s = s - step
         if (np.abs(step) <= np.maximum(1e-13 * np.abs(s), 0.1 * rounding)).all():
             break
-    missed = np.abs(step) / np.maximum(np.abs(s), rounding / PROMISED)
-    worst = int(np.argmax(missed))
-    if not missed[worst] <= _CONVERGED:
+    residual = np.abs(step) / np.maximum(np.abs(s), rounding / WARN_RTOL)
+    worst = int(np.argmax(residual))
+    if not residual[worst] <= _CONVERGED:
         raise ArithmeticError(f"Newton's method for the eigenvalue near {first[worst]:.6g} did not converge")
     if (np.abs(s - first) > _START * np.abs(first)).any():
-        raise ArithmeticError("Newton's method left its start: refine the starting discretisation")
+        raise ArithmeticError("Newton's method left its start: refine the starting discretization")
     if len(s) > 1 and np.abs(np.diff(np.sort_complex(s))).min() < 1e-9 * np.abs(s).max() * 1e-3:
         raise ArithmeticError("two iterations came to the same eigenvalue")
     _warn_of_worst(np.abs(s), rounding / np.abs(s))

@@ -1,4 +1,4 @@
-"""Beam discretisations as interchangeable parts: finite elements, high-order elements, discrete elements."""
+"""Beam discretizations: finite elements, high-order elements, discrete elements."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ from boomctl.checks import exactly, finite_array, from_on, known, whole
 from boomctl.structure.beams.mesh import BeamMesh, element_mesh
 from boomctl.structure.parts import Beam
 
-MOST_ELEMENTS = 1_000_000  # of a beam: rounding has long taken what a finer mesh gains (a choice)
-_SHORTEST = 5e-13  # of the beam's length: modes lose digits with shorter elements beside stiff ones (measured)
+MOST_ELEMENTS = 1_000_000  # Limit on the elements of a beam; a finer mesh only adds rounding error.
+_SHORTEST = 5e-13  # Shortest element relative to the beam; modes are inaccurate with shorter ones.
 
 
 @dataclass(frozen=True)
 class FiniteElements:
-    """Hermite finite elements with consistent mass: a way to turn a beam into coordinates.
+    """Discretization of a beam by Hermite finite elements with consistent mass.
 
-    What is attached inside an element acts on its interpolated displacement.
+    Attachments inside an element act on its interpolated displacement.
 
     Parameters
     ----------
@@ -50,14 +50,14 @@ class FiniteElements:
         whole("order", self.order, 3, 20)
 
     def mesh(self, beam: Beam, attachments: Sequence[float]) -> BeamMesh:
-        """Return the mesh of a beam; what is attached to it need not be at nodes.
+        """Return the mesh of a beam; attachments need not be at nodes.
 
         Parameters
         ----------
         beam : Beam
             The beam.
         attachments : sequence of float
-            Stations at which something is attached [m].
+            Stations of the attachments [m].
 
         Returns
         -------
@@ -75,22 +75,22 @@ class FiniteElements:
 
 @dataclass(frozen=True)
 class DiscreteElements:
-    """Discrete elements: massless cubic beam elements between points at which the mass is put.
+    """Discrete elements: massless cubic beam elements between mass points.
 
-    Whatever is attached to the beam must be at such a point (Anthonis & Ramon 2003, section 4).
+    All attachments to the beam must be at mass points (Anthonis & Ramon 2003, section 4).
 
     Parameters
     ----------
     elements : int or sequence of float
-        A number of elements, shared out among the intervals between attachments by their length, or node stations [m].
+        Number of elements, distributed over the intervals between attachments by length, or node stations [m].
     mass : "hermite", "linear" or "lumped"
-        How mass is allocated: through Hermitian interpolation, through linear interpolation, or geometrically,
-        half of each element to either of its ends.
+        Mass allocation: by Hermitian interpolation, by linear interpolation, or geometrically, half of each element to
+        either of its ends.
 
     Raises
     ------
     TypeError, ValueError
-        A number of elements that is not whole or out of range; another word for ``mass``.
+        If the number of elements is not whole or out of range, or if ``mass`` is unknown.
 
     Examples
     --------
@@ -117,7 +117,7 @@ class DiscreteElements:
         beam : Beam
             The beam.
         attachments : sequence of float
-            Stations at which something is attached [m].
+            Stations of the attachments [m].
 
         Returns
         -------
@@ -127,7 +127,7 @@ class DiscreteElements:
         Raises
         ------
         ValueError
-            An attachment is not at one of the node stations given, or there are fewer elements than intervals.
+            If an attachment is not at a node, or if there are fewer elements than intervals.
         """
         if isinstance(self.elements, int):
             marks = element_nodes(beam, (0.0, *distinct(attachments, beam.length), beam.length))
@@ -152,30 +152,30 @@ def _elements(elements: int | Sequence[float]) -> int | tuple[float, ...]:
 
 
 def distinct(stations: Sequence[float], length: float) -> list[float]:
-    """Return the stations inside the beam, those closer than rounding counted once."""
-    kept: list[float] = []
+    """Return the distinct stations inside the beam, to within rounding."""
+    result: list[float] = []
     for station in sorted(stations):
-        if 1e-9 * length < station < (1.0 - 1e-9) * length and (not kept or station - kept[-1] > 1e-9 * length):
-            kept.append(station)
-    return kept
+        if 1e-9 * length < station < (1.0 - 1e-9) * length and (not result or station - result[-1] > 1e-9 * length):
+            result.append(station)
+    return result
 
 
 def element_sections(beam: Beam, nodes: Array) -> Array:
-    """Return of which section of ``beam`` each interval between ``nodes`` is."""
+    """Return the index of the segment of ``beam`` for each interval between ``nodes``."""
     ends = np.cumsum([section.length for section in beam.segments])
     return np.minimum(np.searchsorted(ends, 0.5 * (nodes[1:] + nodes[:-1])), len(beam.segments) - 1)
 
 
 def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
-    """Return node stations: ``elements`` equal elements, or those given; section ends are nodes in any case.
+    """Return node stations: ``elements`` equal elements, or the stations in ``elements``; segment ends are always nodes.
 
-    On a stepped beam a number of elements is shared out among the segments by their length.
+    On a stepped beam a number of elements is distributed over the segments by length.
 
     Raises
     ------
     ValueError
-        Fewer elements than segments; stations not ascending or not from 0 to the beam's length; an element shorter than
-        5e-13 of the beam.
+        If there are fewer elements than segments, if stations do not ascend from 0 to the beam's length, or if an element
+        is shorter than 5e-13 of the beam.
     """
     length = beam.length
     ends = np.cumsum([section.length for section in beam.segments])[:-1]
@@ -202,14 +202,14 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
 
 
 def shared_out(marks: Array, elements: int, why: str) -> Array:
-    """Return nodes of ``elements`` elements, equal between ``marks`` and as alike as can be among the intervals."""
+    """Return nodes of ``elements`` elements, equal between ``marks`` and as equal as possible among the intervals."""
     widths = np.diff(marks)
     if elements < len(widths):
         raise ValueError(f"elements = {elements}: {why}, expected at least as many elements")
-    shares = np.ones(len(widths), dtype=int)
+    counts = np.ones(len(widths), dtype=int)
     for _ in range(elements - len(widths) if len(widths) > 1 else 0):
-        shares[np.argmax(widths / shares)] += 1
+        counts[np.argmax(widths / counts)] += 1
     if len(widths) == 1:
-        shares[0] = elements
-    pieces = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks[:-1], marks[1:], shares, strict=True)]
-    return np.concatenate([*pieces, marks[-1:]])
+        counts[0] = elements
+    intervals = [np.linspace(a, b, n + 1)[:-1] for a, b, n in zip(marks[:-1], marks[1:], counts, strict=True)]
+    return np.concatenate([*intervals, marks[-1:]])

@@ -9,27 +9,27 @@ import numpy as np
 from boomctl.arrays import Array, combined
 from boomctl.lti.rounding import ALIKE, warn_of_rounding
 from boomctl.structure.beams.dynamic_stiffness import clamped_count, end_functions
-from boomctl.structure.beams.strains import StrainSystem, beside, wave_numbers
+from boomctl.structure.beams.strains import StrainSystem, stack_columns, wave_numbers
 from boomctl.structure.beams.terms import Lines, kinds_of, term_weights, unit_terms
 from boomctl.structure.elimination import eliminate
-from boomctl.structure.layout import KEPT, Layout, Weights
+from boomctl.structure.layout import CACHE_SIZE, Layout, Weights
 from boomctl.structure.parts import BeamSegment
 from boomctl.structure.ports import Ports
 from boomctl.structure.symmetry import Mirror
 
-_RESIDUAL = 1e-11  # of an equation's terms; where elimination leaves more, strain coordinates answer (a choice)
-_CANCELLED = 3e4  # nodal stiffness over its pivot, likewise: by then, 1e-10 of the response may be lost (measured)
-# stiffness of the stiffest segment over that of all in a row, up to which nodal stiffnesses answer: errors of 1e-10 on random
-# beams of up to 13 segments and springs of all sizes (measured)
+_RESIDUAL = 1e-11  # Residual of an equation relative to its terms, above which strain coordinates are used.
+_CANCELLED = 3e4  # Ratio of nodal stiffness to pivot above which strain coordinates are used: errors of 1e-10.
+# Ratio of the stiffness of the stiffest segment to that of all in series up to which nodal stiffnesses are used: errors of
+# 1e-10 on random beams of up to 13 segments and springs of all magnitudes.
 _UNEVEN = 1e4
-PROMISED = 1e-9  # rounding, of the largest output to an input or of an eigenfrequency, above which a user is warned
+WARN_RTOL = 1e-9  # Warn above this rounding error of an eigenfrequency or of the largest output to an input.
 
 Entries = Mapping[tuple[int, int], Array]
 
 
 @dataclass(frozen=True, eq=False)
 class ExactLayout:
-    """How a structure with exact beams moves, whatever it weighs: rows over its coordinates, and its signals.
+    """Kinematics of a structure with exact beams, independent of its masses: rows over its coordinates, and its signals.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class ExactLayout:
     imposed : tuple of ndarray
         ``N, R, S`` over the imposed displacements.
     direct : (outputs, moved) ndarray
-        What the outputs read of the imposed displacements.
+        Direct feedthrough from the imposed displacements to the outputs.
     moved : tuple of str
         Inputs that impose motion; the others are forces.
     """
@@ -62,7 +62,7 @@ class ExactLayout:
 
     @cached_property
     def terms(self) -> Array:
-        """What each weight adds to the dynamic stiffness of all coordinates."""
+        """Contribution of each weight to the dynamic stiffness of all coordinates."""
         rows = self.rigid.N, self.rigid.R, self.S
         return unit_terms(rows, rows, np.zeros((self.rigid.n, self.rigid.n)))
 
@@ -71,9 +71,9 @@ class ExactLayout:
         return self.rigid.N @ P, self.rigid.R @ P, self.S @ P
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHE_SIZE)
 def _prescribed(layout: ExactLayout, inputs: tuple[str, ...]) -> ExactLayout:
-    """Return the layout with the motion of the points of the force inputs named imposed."""
+    """Return the layout with imposed motion at the points of the named force inputs."""
     choice = eliminate(layout.ports.select(inputs, None).B[0], inputs)
     T_q, T_d = choice.T_q, choice.T_d
     return ExactLayout(
@@ -129,7 +129,7 @@ class ExactModel:
         return replace(self, layout=_mirrored(self.layout, mirror))
 
     def prepared(self, inputs: Sequence[str], outputs: Sequence[str]) -> "PreparedResponse":
-        """Return what of the frequency response does not depend on frequency; symmetric structures in halves."""
+        """Return the frequency-independent part of the response computation, by subsystem for symmetric structures."""
         groups, direct = _arranged(self.layout, self.layout.rigid.mirror, tuple(inputs), tuple(outputs))
         weights = term_weights(self.weights, self.segments)
         coefficients = [np.stack([(weights @ part.terms).T for part in parts], axis=1) for parts in groups]
@@ -146,14 +146,14 @@ class ExactModel:
         return replace(self, weights=weights, segments=tuple(replace(s, stiffness_damping=0.0) for s in self.segments))
 
     def count_below(self, omega: Array) -> Array:
-        """Return how many undamped natural frequencies lie below each ``omega`` (Wittrick & Williams 1971)."""
+        """Return the number of undamped natural frequencies below each ``omega`` (Wittrick & Williams 1971)."""
         values, clamped = self.inertia(omega)
         return (values < 0.0).sum(axis=1) + clamped
 
     def inertia(self, omega: Array) -> tuple[Array, Array]:
         """Return the eigenvalues of the scaled undamped dynamic stiffness, ascending, (len(omega), n).
 
-        And how many natural frequencies of its clamped segments lie below each ``omega``.
+        The second value is the number of natural frequencies of its clamped segments below each ``omega``.
         """
         clamped = clamped_count(wave_numbers(self.segments, omega)).sum(axis=1)
         return self._at_rest.strains.inertia(omega), clamped
@@ -167,7 +167,7 @@ class ExactModel:
         return StrainSystem(left, (N, R, S), np.zeros((n, 0)), self.weights, self.segments)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHE_SIZE)
 def _mirrored(layout: ExactLayout, mirror: Mirror) -> ExactLayout:
     return replace(layout, rigid=replace(layout.rigid, mirror=mirror))
 
@@ -190,15 +190,15 @@ def _combined(coefficients: Array, values: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Equations of a structure or one of its halves, and the contribution of its unknowns to the requested response.
+    """Equations of a structure or one of its subsystems, and the contribution of its unknowns to the requested response.
 
-    ``terms`` are what each weight adds to the entries of ``D`` at ``places``, to the sums of its columns, weighted, to
-    ``B`` and to its sums.  ``W_out`` and ``W_in`` are the part's outputs and inputs over those requested, ``L`` its outputs
-    over its unknowns; ``left`` and ``right`` the rows ``N, R, S`` over coordinates and inputs, ``forces`` the columns of
-    the forces.
+    ``terms`` are the contributions of each weight to the entries of ``D`` at ``indices``, to the weighted sums of its
+    columns, to ``B`` and to its sums.  ``W_out`` and ``W_in`` are the part's outputs and inputs over those requested, ``L``
+    its outputs over its unknowns; ``left`` and ``right`` the rows ``N, R, S`` over coordinates and inputs, ``forces`` the
+    columns of the forces.
     """
 
-    places: tuple[tuple[int, int], ...]
+    indices: tuple[tuple[int, int], ...]
     terms: Array
     W_out: Array
     W_in: Array
@@ -222,25 +222,25 @@ class _Part:
         left, (N_d, R_d, S_d) = layout.rows(P), layout.imposed
         right = -(N_d @ which), -(R_d @ which), -(S_d @ which)
         direct = W_out.T @ layout.direct[[layout.ports.outputs.index(name) for name in ports.outputs]] @ which
-        entries = unit_terms(left, beside(left, right), np.hstack([np.zeros((n, n)), forces]))
+        entries = unit_terms(left, stack_columns(left, right), np.hstack([np.zeros((n, n)), forces]))
         D, B = entries[..., :n], entries[..., n:]
         i, j = np.nonzero(np.tril(D.any(axis=0) | np.eye(n, dtype=bool)))
         weights = 1.0 + 0.5 * np.cos(np.arange(n))
         flat = B.reshape(len(B), n * m)
         terms = np.concatenate([D[:, i, j], weights @ D, flat, weights @ B], axis=1)
         L, W_out, W_in = W_out.T @ ports.L[0] @ P, W_out[: shape[0]], W_in[: shape[1]]
-        places = tuple(zip(i.tolist(), j.tolist(), strict=True))
-        return cls(places, terms, W_out, W_in, L, left, right, forces), W_out @ direct @ W_in.T
+        indices = tuple(zip(i.tolist(), j.tolist(), strict=True))
+        return cls(indices, terms, W_out, W_in, L, left, right, forces), W_out @ direct @ W_in.T
 
 
 Parts = tuple[_Part, ...]
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHE_SIZE)
 def _arranged(
     layout: ExactLayout, mirror: Mirror | None, inputs: tuple[str, ...], outputs: tuple[str, ...]
 ) -> tuple[tuple[Parts, ...], Array]:
-    """Return the parts of a structure, those of one pattern together, and what inputs add to outputs directly."""
+    """Return the parts of a structure, grouped by pattern, and the direct feedthrough from inputs to outputs."""
     wanted_in, wanted_out, shape = inputs, outputs, (len(outputs), len(inputs))
     if mirror is not None:
         wanted_in = mirror.completed(wanted_in, layout.ports.inputs)
@@ -265,7 +265,7 @@ def _arranged(
     for motion in motions:
         part, direct = _Part.of(layout, ports, *motion, shape)
         total += direct
-        key = part.places, part.forces.shape
+        key = part.indices, part.forces.shape
         alike[key] = (*alike.get(key, ()), part)
     return tuple(alike.values()), total
 
@@ -319,7 +319,7 @@ class PreparedResponse:
         return [(part, StrainSystem(part.left, part.right, part.forces, self.weights, self.segments)) for part in parts]
 
     def _in_strains(self, omega: Array) -> Array:
-        """Return the response by strain coordinates, and warn of its rounding."""
+        """Return the response in strain coordinates, and warn if its rounding error is large."""
         total = np.tile(self.direct.astype(complex), (len(omega), 1, 1))
         rounding = np.zeros(total.shape)
         for part, system in self._strained:
@@ -333,19 +333,19 @@ class PreparedResponse:
         if len(omega):
             worst = int(np.argmax(ratio))
             of = f"the exact beam's response at {omega[worst]:.6g} rad/s"
-            warn_of_rounding(of, float(ratio[worst]), PROMISED)
+            warn_of_rounding(of, float(ratio[worst]), WARN_RTOL)
         return total.transpose(1, 2, 0)
 
 
 def _add(parts: Parts, coefficients: Array, functions: Array, total: Array) -> Array:
-    """Add the response of parts of one pattern, (outputs, inputs, frequencies); return where it lost too many digits.
+    """Add the response of parts of one pattern, (outputs, inputs, frequencies); return where it is inaccurate.
 
-    All parts are solved at once, the frequencies of one after those of another.
+    All parts are solved at once, with their frequencies concatenated.
     """
     (n, m), count, points = parts[0].forces.shape, len(parts), functions.shape[1]
     values = _combined(coefficients.reshape(-1, coefficients.shape[2]), functions).reshape(-1, count * points)
-    D, check, B, check_B = np.split(values, np.cumsum([len(parts[0].places), n, n * m]))
-    entries = dict(zip(parts[0].places, D, strict=True))
+    D, check, B, check_B = np.split(values, np.cumsum([len(parts[0].indices), n, n * m]))
+    entries = dict(zip(parts[0].indices, D, strict=True))
     X, lost = _eliminate(n, entries, list(B.reshape(n, m, -1)))
     for k, part in enumerate(parts):
         unknowns = np.ascontiguousarray(X[:, :, k * points : (k + 1) * points]).reshape(n, m * points)
@@ -379,8 +379,8 @@ def _eliminate(n: int, D: Entries, B: list[Array]) -> tuple[Array, Array]:
             inverse.append(1.0 / A[k, k])
             later = [i for i in range(k + 1, n) if (i, k) in A]
             factors.append([(i, A[i, k] * inverse[k]) for i in later])
-            for place, (i, factor) in enumerate(factors[k]):
-                for j in later[: place + 1]:
+            for position, (i, factor) in enumerate(factors[k]):
+                for j in later[: position + 1]:
                     update = factor * A[j, k]
                     A[i, j] = A[i, j] - update if (i, j) in A else -update
                 rhs[i] = rhs[i] - factor * rhs[k]
@@ -395,7 +395,7 @@ def _eliminate(n: int, D: Entries, B: list[Array]) -> tuple[Array, Array]:
 
 
 def _residual(X: Array, check: Array, check_B: Array) -> Array:
-    """Return, for each frequency, by how much the weighted sum of equations is missed, relative to its terms.
+    """Return the residual of the weighted sum of equations at each frequency, relative to its terms.
 
     ``check`` and ``check_B`` are weighted sums of all equations, left (n, N) and right side (m, N).
     """

@@ -1,10 +1,10 @@
-"""Beams turned into coordinates: cubic Hermite interpolation, enriched with bubbles of higher order.
+"""Discretization of beams: cubic Hermite interpolation, enriched with bubbles of higher order.
 
 Within an element of length ``h``, ``xi`` in [-1, 1], the deflection is the Hermite cubic of the end values
 ``w1, phi1, w2, phi2`` plus ``h a_k B_k(xi)``, where ``B_k'' = P_k`` (Legendre) and ``B_k`` and ``B_k'`` vanish at both
 ends, ``k = 2, 3, ...``.  The curvature is then a Legendre series whose coefficients are the element's strain modes,
-so that its stiffness matrix is diagonal in them and rigid motion strains nothing, to the last digit.
-Mass is such a sum of squares too: of as many rows on each element as its mass matrix has rank.
+so that its stiffness matrix is diagonal in them and rigid motion has exactly zero strain.
+Mass is also such a sum of squares; the number of rows on each element is the rank of its mass matrix.
 """
 
 from dataclasses import dataclass
@@ -18,20 +18,20 @@ from boomctl.arrays import Array
 
 @dataclass(frozen=True)
 class ElementRows:
-    """Rows over a beam's coordinates, as many on each element, and what they weigh where the beam's property is one.
+    """Rows over a beam's coordinates, equally many on each element, and their weights for a unit property of the beam.
 
     Attributes
     ----------
     blocks : (elements, rows, order + 1) ndarray
         Over the coordinates of each element, ``w1, phi1, w2, phi2, bubbles``.
-    place : (elements, order + 1) ndarray
-        Where these stand among the beam's.
+    index : (elements, order + 1) ndarray
+        Indices of these coordinates among the beam's.
     unit : (elements, rows) ndarray
-        Weight of each row: of mass for one kilogram a meter, of stiffness for one newton square meter.
+        Weight of each row: mass for 1 kg/m, stiffness for 1 N m^2.
     """
 
     blocks: Array
-    place: Array
+    index: Array
     unit: Array
 
     def weights(self, values: Array) -> Array:
@@ -41,7 +41,7 @@ class ElementRows:
     def matrix(self, first: int, width: int) -> Array:
         """Return the rows over ``width`` coordinates, the beam's from ``first`` on."""
         count, lines, _ = self.blocks.shape
-        columns = np.broadcast_to(first + self.place[:, None, :], self.blocks.shape)
+        columns = np.broadcast_to(first + self.index[:, None, :], self.blocks.shape)
         full = np.zeros((count * lines, width))
         full[np.arange(count * lines).reshape(count, lines, 1), columns] = self.blocks
         return full
@@ -49,18 +49,18 @@ class ElementRows:
 
 @dataclass(frozen=True)
 class BeamMesh:
-    """A beam turned into coordinates: where it can bend, whatever it weighs and however stiff it is.
+    """Discretization of a beam, independent of its mass and stiffness.
 
     Attributes
     ----------
     nodes : ndarray
         Stations of the nodes [m], ascending.
     names : tuple of str
-        One name a coordinate, along the beam: ``w0, phi0, w1, phi1, ...``.
+        Names of the coordinates, along the beam: ``w0, phi0, w1, phi1, ...``.
     section : (elements,) ndarray
-        Of which of the beam's sections each element is.
+        Index of the beam's segment of each element.
     inertia, strain : ElementRows
-        What mass and stiffness matrix are weighted sums of squares of: deflections, and strain modes.
+        Rows whose weighted sums of squares are the mass and stiffness matrix: deflections, and strain modes.
     order : int
         Polynomial order of the deflection within an element.
     """
@@ -86,7 +86,7 @@ class BeamMesh:
 
 
 def element_coordinates(order: int) -> Array:
-    """Return the places, counted from an element's first, of its coordinates ``w1, phi1, w2, phi2, bubbles``."""
+    """Return the indices, relative to an element's first, of its coordinates ``w1, phi1, w2, phi2, bubbles``."""
     per_node = order - 1
     return np.array([0, 1, per_node, per_node + 1, *range(2, per_node)])
 
@@ -147,26 +147,26 @@ def element_mesh(nodes: Array, section: Array, order: int, mass: str = "hermite"
     nodes : ndarray
         Node stations [m].
     section : ndarray
-        Of which of the beam's sections each element is.
+        Index of the beam's segment of each element.
     order : int
         3 for cubic elements, more for bubbles.
     mass : "hermite", "linear" or "lumped"
-        Consistent mass; that of linear interpolation; half of each element concentrated at either node.
+        Consistent mass; mass of linear interpolation; half of each element concentrated at either node.
     """
     h, count, per_node = np.diff(nodes), len(nodes) - 1, order - 1
-    place = per_node * np.arange(count)[:, None] + element_coordinates(order)[None, :]
+    index = per_node * np.arange(count)[:, None] + element_coordinates(order)[None, :]
     scale = np.ones((count, order + 1))
     scale[:, [1, 3]] = h[:, None]
     scale[:, 4:] = h[:, None]
     mass_rows = _mass_rows(order, mass)
-    inertia = ElementRows(mass_rows * scale[:, None, :], place, np.repeat(h[:, None], len(mass_rows), axis=1))
+    inertia = ElementRows(mass_rows * scale[:, None, :], index, np.repeat(h[:, None], len(mass_rows), axis=1))
     modes = np.zeros((count, per_node, order + 1))
     modes[:, 0, [1, 3]] = -1.0, 1.0
     modes[:, 1, [1, 3]] = 1.0
     modes[:, 1, 0], modes[:, 1, 2] = 2.0 / h, -2.0 / h
     modes[:, np.arange(2, per_node), np.arange(4, per_node + 2)] = 1.0
     legendre_norm = np.array([1.0, 3.0] + [16.0 / (2 * k + 1) for k in range(2, per_node)])
-    strain = ElementRows(modes, place, legendre_norm / h[:, None])
+    strain = ElementRows(modes, index, legendre_norm / h[:, None])
     letters = ("w", "phi", *(f"b{k}_" for k in range(2, per_node)))
     names = [f"{letter}{i}" for i in range(count + 1) for letter in letters][: per_node * count + 2]
     return BeamMesh(nodes, tuple(names), section, inertia, strain, order)

@@ -1,9 +1,9 @@
-"""Exact beams in strain coordinates: where a nodal dynamic stiffness loses digits, and how much rounding is left here.
+"""Exact beams in strain coordinates, for structures whose nodal dynamic stiffness is inaccurate, with rounding bounds.
 
-A short segment is as stiff as ``EI/l^3``: where its nodal stiffness is summed with what is soft (springs, inertia), the soft
-part is lost.  Here the coordinates are the strains of the segments that are shorter than a wave at the frequency asked for,
-and of the springs; every other motion strains them by zero, exactly (see :mod:`boomctl.structure.strain_coordinates`).  The
-dynamic stiffness of these segments has no static share but that of its strains, and segments longer than a wave are soft.
+A short segment has a stiffness of ``EI/l^3``.  The sum of its nodal stiffness with soft terms (springs, inertia) loses the
+soft terms.  Here the coordinates are the strains of the springs and of the segments that are shorter than a wave at the
+requested frequency; every other motion strains them by exactly zero (see :mod:`boomctl.structure.strain_coordinates`).  The
+static part of the dynamic stiffness of these segments is that of the strains, and segments longer than a wave are soft.
 """
 
 from collections.abc import Callable, Sequence
@@ -41,8 +41,8 @@ class StrainEquations:
         Number of coordinates that strain neither a short segment nor a spring.
     kinds : tuple of BeamSegment
     coefficients, sizes : (numbers, n, n + m) ndarray
-        What multiplies ``1, s, s^2`` and six strain functions a kind of segment in ``[D, B]``; how large the products are
-        that it was summed from.
+        Coefficients of ``1, s, s^2`` and six strain functions per kind of segment in ``[D, B]``; magnitudes of their
+        terms.
     """
 
     V: Array
@@ -52,7 +52,7 @@ class StrainEquations:
     sizes: Array
 
     def functions(self, s: Array) -> tuple[Array, Array]:
-        """Return ``1, s, s^2`` and six strain functions a kind of segment at each ``s``, and their size."""
+        """Return ``1, s, s^2`` and six strain functions per kind of segment at each ``s``, and their magnitudes."""
         values = np.empty((len(self.coefficients), len(s)), dtype=complex)
         sizes = np.empty(values.shape)
         values[0], values[1], values[2] = 1.0, s, s * s
@@ -69,22 +69,22 @@ class StrainEquations:
         return np.tensordot(values.T, self.coefficients, 1)
 
     def size(self, sizes: Array) -> Array:
-        """Return how large the terms are that ``[D, B]`` is summed from, functions being of these sizes."""
+        """Return the magnitudes of the terms of ``[D, B]`` from those of the functions."""
         return np.tensordot(sizes.T, self.sizes, 1)
 
     def scale(self, sizes: Array) -> Array:
-        """Return by what lines and columns are scaled, so that no term of the diagonal exceeds one, (frequencies, n)."""
+        """Return scales of lines and columns with which no term of the diagonal exceeds one, (frequencies, n)."""
         terms = np.einsum("kii->ki", self.sizes[:, :, : self.V.shape[0]])
         return 1.0 / np.sqrt(np.maximum(sizes.T @ terms, np.finfo(float).tiny))
 
     @property
     def unit_rounding(self) -> float:
-        """What sum and elimination of an equation lose at most, of the size of its terms (Higham 2002, section 3.1)."""
+        """Bound on the rounding error of sum and elimination, relative to the terms (Higham 2002, section 3.1)."""
         return (len(self.coefficients) + self.V.shape[0]) * EPS
 
 
-def beside(left: Lines, right: Lines) -> Lines:
-    """Return rows over coordinates and inputs, side by side."""
+def stack_columns(left: Lines, right: Lines) -> Lines:
+    """Return rows over coordinates, followed by columns for the inputs."""
     return np.hstack([left[0], right[0]]), np.hstack([left[1], right[1]]), np.hstack([left[2], right[2]])
 
 
@@ -116,7 +116,7 @@ class StrainSystem:
         return self._equations(np.ones(len(self.segments), dtype=bool))
 
     def _equations(self, short: Array) -> StrainEquations:
-        """Return the equations over the strains of the segments that are short, found once."""
+        """Return the equations over the strains of the short segments, which are cached."""
         key = short.tobytes()
         if key in self._known:
             return self._known[key]
@@ -137,13 +137,13 @@ class StrainSystem:
         unit, count = np.sqrt(np.where(stiff, weights.k, 1.0)), len(strains)
 
         def numbers(size: Callable[[Array], Array]) -> Array:
-            """Return what multiplies the functions, of the numbers themselves or of their absolute values."""
+            """Return the coefficients of the functions, from the numbers or from their absolute values."""
             T = size(V)
             moved, ends = size(rows) @ T, size(lines) @ T
             moved[used] = size(strained)
             ends.reshape(-1, 4, n)[:, 2:] = (moved[:count] / scale[:, None]).reshape(-1, 2, n)
             own = size(N) @ T, np.where(stiff[:, None], moved[count:] / unit[:, None], size(R) @ T), ends
-            both = beside(own, (size(imposed[0]), size(imposed[1]), size(imposed[2])))
+            both = stack_columns(own, (size(imposed[0]), size(imposed[1]), size(imposed[2])))
             loads = np.hstack([np.zeros((n, n)), T.T @ size(self.forces)])
             return np.tensordot(term_weights(weights, segments), unit_terms(own, both, loads, strain_terms), 1)
 
@@ -151,39 +151,39 @@ class StrainSystem:
         return self._known[key]
 
     def groups(self, s: Array) -> list[tuple[Array, StrainEquations]]:
-        """Return the equations, and for which of ``s`` they are meant."""
+        """Return the equations, each with the indices of ``s`` for which they hold."""
         short = wave_numbers(self.segments, s) < _SHORT
-        count = short.sum(axis=1)  # tells which they are: the shortest ones
+        count = short.sum(axis=1)  # Identifies them: they are the shortest ones.
         groups = [np.flatnonzero(count == k) for k in range(len(self.segments) + 1)]
-        return [(places, self._equations(short[places[0]])) for places in groups if len(places)]
+        return [(indices, self._equations(short[indices[0]])) for indices in groups if len(indices)]
 
     def inertia(self, omega: Array) -> Array:
         """Return the eigenvalues of the scaled undamped dynamic stiffness, ascending, shape (len(omega), n)."""
         n = self.forces.shape[0]
         values = np.empty((len(omega), n))
-        for places, equations in self.groups(omega):
-            functions, sizes = equations.functions(1j * omega[places])
+        for indices, equations in self.groups(omega):
+            functions, sizes = equations.functions(1j * omega[indices])
             D, scale = equations.at(functions), equations.scale(sizes)
-            values[places] = np.linalg.eigvalsh(scale[:, :, None] * D.real * scale[:, None, :])
+            values[indices] = np.linalg.eigvalsh(scale[:, :, None] * D.real * scale[:, None, :])
         return values
 
     def newton_step(self, s: Array) -> tuple[Array, Array]:
         """Return ``det D/(det D)'`` at each ``s``: one over the trace of ``D^-1 D'``; and a bound of its rounding."""
         step, rounding = np.empty(len(s), dtype=complex), np.empty(len(s))
-        for places, equations in self.groups(s):
-            at, h = s[places], _DIFFERENCE * np.abs(s[places])
+        for indices, equations in self.groups(s):
+            at, h = s[indices], _DIFFERENCE * np.abs(s[indices])
             (functions, sizes), up, down = (equations.functions(x) for x in (at, at + h, at - h))
             D, size, scale = equations.at(functions), equations.size(sizes), equations.scale(sizes)
             slope = equations.at(up[0] - down[0]) / (2.0 * h)[:, None, None]
             both = scale[:, :, None] * scale[:, None, :]
             try:
                 inverse = np.linalg.inv(both * D)
-            except np.linalg.LinAlgError:  # an iterate is an eigenvalue to the last digit
+            except np.linalg.LinAlgError:  # An iterate is an eigenvalue to full accuracy.
                 inverse = np.linalg.inv(both * D + EPS * np.eye(D.shape[1]))
             trace = np.einsum("fij,fji->f", inverse, both * slope)
-            step[places] = 1.0 / trace
+            step[indices] = 1.0 / trace
             lost = np.einsum("fij,fji->f", np.abs(inverse), both * size)
-            rounding[places] = equations.unit_rounding * lost / np.abs(trace)
+            rounding[indices] = equations.unit_rounding * lost / np.abs(trace)
         return step, rounding
 
     def response(self, s: Array, L: Array) -> tuple[Array, Array]:
@@ -191,8 +191,8 @@ class StrainSystem:
         n, m = self.forces.shape
         result = np.empty((len(s), len(L), m), dtype=complex)
         rounding = np.empty(result.shape)
-        for places, equations in self.groups(s):
-            functions, sizes = equations.functions(s[places])
+        for indices, equations in self.groups(s):
+            functions, sizes = equations.functions(s[indices])
             both, size, scale = equations.at(functions), equations.size(sizes), equations.scale(sizes)
             D = scale[:, :, None] * both[:, :, :n] * scale[:, None, :]
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -204,7 +204,7 @@ class StrainSystem:
                 read = L @ equations.V
                 backward = size[:, :, :n] @ np.abs(z) + size[:, :, n:]
                 forward = scale[:, :, None] * (np.abs(inverse) @ (scale[:, :, None] * backward))
-                result[places] = read @ z
+                result[indices] = read @ z
                 forward += np.abs(z)
-                rounding[places] = equations.unit_rounding * (np.abs(L) @ (np.abs(equations.V) @ forward))
+                rounding[indices] = equations.unit_rounding * (np.abs(L) @ (np.abs(equations.V) @ forward))
         return result, rounding

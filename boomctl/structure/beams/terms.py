@@ -25,7 +25,7 @@ def unit_terms(left: Lines, right: Lines, forces: Array, six: Callable[[Array, A
 
 
 def term_weights(weights: Weights, segments: Sequence[BeamSegment]) -> Array:
-    """Return the weights of :func:`unit_terms` in what multiplies ``1, s, s^2`` and six functions a kind of segment."""
+    """Return the weights of :func:`unit_terms` in the coefficients of ``1, s, s^2`` and six functions per kind of segment."""
     kinds, six = kinds_of(segments), np.arange(6)
     elastic, inertia = len(weights.k), len(weights.k) + len(weights.m)
     result = np.zeros((3 + 6 * len(kinds), inertia + 6 * len(segments) + 1))

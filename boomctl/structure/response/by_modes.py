@@ -80,5 +80,5 @@ def _receptance(
             pivot.imag -= 1.0 / (factor * omega)
             both -= both[:, m + j, None] * (row / pivot)
     result = both[:p, :m]
-    kept = EPS * largest <= _CANCELLED * np.abs(result).max(axis=(0, 1), initial=0.0)
-    return result if kept.all() else None
+    accurate = EPS * largest <= _CANCELLED * np.abs(result).max(axis=(0, 1), initial=0.0)
+    return result if accurate.all() else None

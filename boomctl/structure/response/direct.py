@@ -1,14 +1,14 @@
 """Frequency response of a structure, straight from its matrices.
 
-The ways, in the order tried; where one does not hold, the next one answers.
+Methods, in the order in which they are tested; if one does not apply, the next one is used.
 
 ==================  ============================================  ====================================================
-way                 where                                         why
+method              condition                                     reason
 ==================  ============================================  ====================================================
-halves              a mirror, signals in pairs of images          two structures of half the size; each goes on below
+subsystems          a mirror, signals in pairs of images          two structures of half the size, by the methods below
 undamped modes      1500 frequencies times coordinates, verified  all frequencies at once; dampers as an update of low
                                                                   rank (Woodbury)
-dense solutions     the others                                    always holds; in strain coordinates where there are
+dense solutions     otherwise                                     always applicable; in strain coordinates if there are
                                                                   rows
 ==================  ============================================  ====================================================
 """
@@ -29,13 +29,13 @@ _UNEVEN = 1e-2  # Noise of stiffness, of the highest frequency squared, from whi
 def respond(structure: Structure, ports: Ports, omega: Array, available: Ports | None = None) -> Array:
     """Return the response of all inputs and outputs of a structure, shape (outputs, inputs, frequencies).
 
-    ``available`` are further signals of the structure: mirror images of those asked for are added from them, since two
-    halves cost less than the whole.
+    ``available`` are further signals of the structure.  Mirror images of the requested signals are added from them, since two
+    subsystems cost less than the full structure.
 
     Warns
     -----
     AccuracyWarning
-        Of matrices without rows: the rounding estimate exceeds 1e-4.
+        If the rounding estimate exceeds 1e-4, for matrices without rows.
     """
     p, m, mirror = len(ports.outputs), len(ports.inputs), structure.mirror
     if available is not None and mirror is not None:
@@ -81,10 +81,10 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     s, form, B, L = 1j * omega, structure.strain_form, ports.B, ports.L
     matrices = structure.matrices if form is None else form.matrices
     if form is not None:
-        B, L = form.seen(ports)
-    pieces = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
+        B, L = form.ports_matrices(ports)
+    batches = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
     try:
-        X = np.concatenate([np.linalg.solve(dynamic_stiffness(matrices, part), evaluate(B, part)) for part in pieces])
+        X = np.concatenate([np.linalg.solve(dynamic_stiffness(matrices, part), evaluate(B, part)) for part in batches])
     except np.linalg.LinAlgError:
         raise ValueError(
             "omega hits an undamped resonance (or a rigid-body mode at 0): the response is infinite"

@@ -1,7 +1,8 @@
 """State spaces over undamped modes.
 
-Over nodal coordinates a state matrix holds ``M^-1 K``, whose rounding is that of its stiffest element: 100 elements of a
-beam leave the slow modes eight digits, however the states are scaled.  Over modes it holds each frequency once.
+Over nodal coordinates a state matrix contains ``M^-1 K``, whose rounding error is determined by its stiffest element: with
+100 elements of a beam the slow modes have eight accurate digits for any scaling of the states.  Over modes it contains each
+frequency once.
 """
 
 from dataclasses import replace
@@ -24,16 +25,16 @@ MODES, COORDINATES = "modes", "coordinates"  # Values of `states`.
 # some units of rounding, and a rotation of such modes mixes in the root of rounding.
 _UNDAMPED = 1e-8
 _OVERDAMPED = 1e3  # Rate of damping over the slowest frequency from which on a state space over modes is checked.
-_EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which given matrices keep their coordinates.
+_EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which user matrices keep their coordinates.
 _CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is checked, between no resonances.
-_MAX_ROUNDING = 1e-6  # Of a response: rounding of a state space over modes above which a warning is given.
+_MAX_ROUNDING = 1e-6  # Rounding error of a response of a state space over modes above which a warning is given.
 
 
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
     """Return the state-space form of a structure over undamped modes, projected through its strain rows if it has them.
 
-    What a rigid-body mode strains, what inertia it shares with elastic ones, and where nothing else damps it its damping,
-    is zero and not rounding.  Gyroscopic terms stay.
+    The strains of a rigid-body mode, its mass coupling with elastic modes and, if undamped, its damping are exactly zero.
+    Gyroscopic terms are preserved.
     """
     moved = structure.projected(V, _names(frequencies))
     rigid = np.flatnonzero(frequencies == 0.0)
@@ -43,7 +44,7 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
     M, K, bending = moved.M.copy(), moved.K.copy(), np.flatnonzero(frequencies)
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
-    return realize(Structure.of(M, C, K, moved.coordinates), ports.felt(V, rigid))
+    return realize(Structure.of(M, C, K, moved.coordinates), ports.over_motions(V, rigid))
 
 
 def _names(frequencies: Array) -> tuple[str, ...]:
@@ -51,11 +52,11 @@ def _names(frequencies: Array) -> tuple[str, ...]:
 
 
 def _resisted(V: Array, C: Array, rigid: Array) -> tuple[Array, Array]:
-    """Return modes and damping with rigid motions that dampers resist apart from those that nothing resists."""
-    turning = np.zeros_like(C) if is_symmetric(C) else 0.5 * (C - C.T)  # gyroscopic terms: they resist nothing
-    apart, C = np.eye(len(C)), C - turning
-    apart[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
-    V, C, turning = V @ apart, apart.T @ C @ apart, apart.T @ turning @ apart
+    """Return modes and damping with rigid motions separated into damped and undamped ones."""
+    turning = np.zeros_like(C) if is_symmetric(C) else 0.5 * (C - C.T)  # Gyroscopic terms, which dissipate no energy.
+    basis, C = np.eye(len(C)), C - turning
+    basis[np.ix_(rigid, rigid)] = linalg.eigh(C[np.ix_(rigid, rigid)])[1]
+    V, C, turning = V @ basis, basis.T @ C @ basis, basis.T @ turning @ basis
     size = np.sqrt(np.abs(np.diag(C)))
     undamped = rigid[size[rigid] <= _UNDAMPED * size.max()]
     C[undamped], C[:, undamped] = 0.0, 0.0
@@ -83,8 +84,8 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
     return _scaled(in_modes(structure, ports, frequencies, V), ports, frequencies)
 
 
-def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
-    """Return a structure in state space as its user gets it: see :meth:`SecondOrderModel.to_statespace`."""
+def user_state_space(structure: Structure, ports: Ports, states: str | None) -> Lti:
+    """Return a structure in state space for the user; see :meth:`SecondOrderModel.to_statespace`."""
     if states == COORDINATES:
         return _warned(realize(structure, ports), structure, ports, 0.0, VISIBLE)
     if states is None and structure.settled:
@@ -97,10 +98,10 @@ def handed_out(structure: Structure, ports: Ports, states: str | None) -> Lti:
     return _warned(modal_form(structure, ports), structure, ports, _OVERDAMPED, _MAX_ROUNDING)
 
 
-def _warned(system: Lti, structure: Structure, ports: Ports, least: float, promised: float) -> Lti:
-    """Return a system of a small structure with rows; a user is warned where its matrices do not hold the slow motions.
+def _warned(system: Lti, structure: Structure, ports: Ports, least: float, limit: float) -> Lti:
+    """Return a system of a small structure with rows; warn if its matrices are inaccurate for slow motions.
 
-    Beside stiff elements over coordinates, or beside dampers that let a motion creep, a slow motion is a small difference.
+    With stiff elements over coordinates, or with overdamped slow motions, a slow motion is a small difference.
     Only systems with damping of ``least`` times the slowest frequency are checked.
     """
     form, n = structure.strain_form if structure.n <= SMALL else None, structure.n
@@ -113,13 +114,13 @@ def _warned(system: Lti, structure: Structure, ports: Ports, least: float, promi
     true = direct_response(structure, ports, omega)
     off, size = (np.abs(values).max(axis=2) for values in (system.response(omega, quiet=True) - true, true))
     size = np.maximum(size, VISIBLE * size.max(axis=1, keepdims=True, initial=0.0))
-    share = float((off[size > 0.0] / size[size > 0.0]).max(initial=0.0))
-    warn_of_rounding("the state space", share, promised)
+    error = float((off[size > 0.0] / size[size > 0.0]).max(initial=0.0))
+    warn_of_rounding("the state space", error, limit)
     return system
 
 
 def _scaled(system: Lti, ports: Ports, frequencies: Array) -> Lti:
-    """Return a system over modes with places times frequencies, which are as large as speeds, by powers of two.
+    """Return a system over modes with positions scaled by frequencies, to the magnitude of velocities, by powers of two.
 
     Rigid-body modes count as fast as the slowest elastic one.
     """

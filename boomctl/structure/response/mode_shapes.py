@@ -1,4 +1,4 @@
-"""Mode shapes: how a machine swings in its undamped modes, drawn with the interpolation of its elements."""
+"""Mode shapes: vibration of a machine in its undamped modes, drawn with the interpolation of its elements."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _KINDS = {1: "jolt", -1: "yaw", 0: ""}  # of symmetric and antisymmetric motion,
 
 @dataclass(frozen=True)
 class BodyShape:
-    """How a body moves in each mode.
+    """Motion of a body in each mode.
 
     Attributes
     ----------
     name : str
-        Of the body.
+        Name of the body.
     is_beam : bool
-        Whether it is a beam.
+        True for a beam.
     points : (k, 2) ndarray
-        Where its points rest [m].
+        Positions of its points at rest [m].
     displacement : (modes, k, 2) ndarray
-        How they move, in each mode, of mass-normalized shapes [m].
+        Displacements of the points in each mass-normalized mode [m].
 
     Examples
     --------
@@ -51,21 +51,21 @@ class BodyShape:
 
 @dataclass(frozen=True)
 class ModeShapes:
-    """Undamped modes of a structure and what they look like.
+    """Undamped modes of a structure and their shapes.
 
     Attributes
     ----------
     eigenfrequencies_hz : (k,) ndarray
-        Undamped natural frequencies, ascending [Hz]; 0 of rigid motions.
+        Undamped natural frequencies, ascending [Hz]; 0 for rigid-body motions.
     shapes : (n, k) ndarray
-        Over the coordinates, one column a mode, mass-normalized: ``shapes.T @ M @ shapes`` is the unit matrix.
+        Mass-normalized shapes over the coordinates, one column per mode: ``shapes.T @ M @ shapes`` is the unit matrix.
     coordinates : tuple of str
         Names of the coordinates.
     kinds : tuple of str
-        What moves: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
+        Kind: "jolt" (symmetric) or "yaw" (antisymmetric) of a symmetric machine, "bending" or "axial" of a hub-beam,
         otherwise "".
     bodies : tuple of BodyShape
-        The bodies; none of a model that was given as matrices.
+        The bodies; empty for a model defined by matrices.
 
     Examples
     --------
@@ -99,7 +99,7 @@ class ModeShapes:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What each mode is called: its number, its kind, and its frequency; rigid motions have no number."""
+        """Names of the modes: number, kind and frequency; rigid-body motions have no number."""
         return tuple(
             f"{number or 'rigid'}: {f'{kind}, ' if kind else ''}{frequency:.4g} Hz"
             for number, kind, frequency in zip(self.numbers, self.kinds, self.eigenfrequencies_hz, strict=True)
@@ -107,43 +107,43 @@ class ModeShapes:
 
     @property
     def numbers(self) -> tuple[int, ...]:
-        """The number of each mode, from 1, as ``eigenfrequencies_hz`` counts them; 0 of rigid motions, which come first."""
+        """Number of each mode, from 1, as in ``eigenfrequencies_hz``; 0 for rigid-body motions, which come first."""
         rigid = int((self.eigenfrequencies_hz == 0.0).sum())
         return tuple(max(0, k + 1 - rigid) for k in range(len(self.kinds)))
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw each mode: bodies as they swing, each picture to its own scale; without places, the coordinates as bars.
+        """Draw each mode: displaced bodies, each plot to a separate scale; without positions, the coordinates as bars.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw, one axes a mode; by default a new figure of pyplot.
+            One axes per mode.  If None, a new figure is created.
         **style
-            Of the beams, as matplotlib's lines take it.
+            Line properties of the beams, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes.
         """
         return import_module("boomctl.plotting.mode_shapes").plot_mode_shapes(self, ax, **style)
 
 
 def mode_shapes(structure: Structure, count: int) -> ModeShapes:
-    """Return the lowest undamped modes; those of a symmetric structure half by half, so that none mixes two of one frequency.
+    """Return the lowest undamped modes; of a symmetric structure by subsystem, so that modes of equal frequency do not mix.
 
     Raises
     ------
     TypeError, ValueError
-        ``count`` is not a whole number up to that of the coordinates; matrices without real modes.
+        If ``count`` is not a whole number up to that of the coordinates, or if the matrices have no real modes.
     """
     wanted = whole("count", count, most=structure.n)
     parity = 0 if structure.outline is None else structure.outline.parity
-    pieces = {parity: (np.eye(structure.n), structure)} if structure.mirror is None else structure.halves
-    modes = [undamped_modes(piece, min(wanted, piece.n)) for _, piece in pieces.values()]
+    subsystems = {parity: (np.eye(structure.n), structure)} if structure.mirror is None else structure.halves
+    modes = [undamped_modes(half, min(wanted, half.n)) for _, half in subsystems.values()]
     frequencies = np.concatenate([part[0] for part in modes])
-    shapes = np.hstack([P @ part[1] for (P, _), part in zip(pieces.values(), modes, strict=True)])
-    kinds = [_KINDS[parity] for parity, part in zip(pieces, modes, strict=True) for _ in part[0]]
+    shapes = np.hstack([P @ part[1] for (P, _), part in zip(subsystems.values(), modes, strict=True)])
+    kinds = [_KINDS[parity] for parity, part in zip(subsystems, modes, strict=True) for _ in part[0]]
     order = np.argsort(frequencies, kind="stable")[:wanted]
     shapes = signed(shapes[:, order])
     lines = () if structure.outline is None else structure.outline.moved(shapes)
@@ -152,11 +152,11 @@ def mode_shapes(structure: Structure, count: int) -> ModeShapes:
         shapes,
         structure.coordinates,
         tuple(kinds[k] for k in order),
-        tuple(BodyShape(line.name, line.bends, line.points, moved) for line, moved in lines),
+        tuple(BodyShape(line.name, line.is_beam, line.points, moved) for line, moved in lines),
     )
 
 
 def signed(shapes: Array) -> Array:
-    """Return shapes whose largest entry is positive: the sign of a mode says nothing, but is always the same."""
+    """Return shapes whose largest entry is positive: the sign of a mode is arbitrary, but reproducible."""
     largest = np.take_along_axis(shapes, np.abs(shapes).argmax(axis=0)[None], axis=0)
     return shapes * np.where(largest < 0.0, -1.0, 1.0)

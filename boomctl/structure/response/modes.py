@@ -19,11 +19,11 @@ def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Arra
     """Return the lowest undamped angular frequencies [rad/s], ascending, and mass-normalized mode shapes (columns).
 
     All modes of structures with rows, those of small structures, and those whose stiffest element is too stiff for a
-    stiffness matrix in double precision are computed in strain coordinates.  Otherwise the pencil is solved upside down,
-    ``M v = mu (K + alpha M) v``, so that the low modes are the largest eigenvalues and keep their digits on fine meshes; a
-    Rayleigh quotient over the strain rows mends what rounding is left.  The shift ``alpha``, just above rounding, keeps
-    floating structures definite; where one floats, or nearly does, the pencil is solved once more with the shift at its
-    lowest elastic mode, or the softest modes would take the others' digits.
+    stiffness matrix in double precision are computed in strain coordinates.  Otherwise the inverse pencil
+    ``M v = mu (K + alpha M) v`` is solved, whose largest eigenvalues are the low modes, which are accurate on fine meshes.  A
+    Rayleigh quotient over the strain rows corrects the remaining rounding error.  The shift ``alpha``, just above rounding,
+    makes floating structures definite.  For floating or nearly floating structures the pencil is solved again with the shift
+    at the lowest elastic mode, because the softest modes would reduce the accuracy of the others.
 
     Raises
     ------
@@ -57,8 +57,8 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
 def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
     """Return modes, those whose ``v^T K v`` is the rounding of its terms with a frequency of exactly zero.
 
-    The other coordinates of a shape are zero where a coordinate without stiffness moves alone: they contribute nothing to
-    the kinetic energy, and the remainder strains nothing.
+    If a coordinate without stiffness moves alone, the other coordinates of a shape are zero: they do not contribute to the
+    kinetic energy, and the remainder has no strain.
     """
     slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
     if not len(slow):
@@ -74,7 +74,7 @@ def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array)
 
 
 def _near(structure: Structure, shift: float, count: int) -> tuple[Array, Array]:
-    """Return modal stiffnesses, ascending, and mass-normalized shapes, found with a shift."""
+    """Return modal stiffnesses, ascending, and mass-normalized shapes, computed with a shift."""
     M, K = structure.M, structure.K
     chosen = None if count == len(M) else (len(M) - count, len(M) - 1)
     try:

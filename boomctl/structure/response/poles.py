@@ -16,7 +16,7 @@ _WHOLE = 100  # Coordinates up to which all poles are computed, so that none dep
 # axis by rounding.
 _CRITICAL = 1e-6
 _SPARE = 12  # Modes beyond twice those requested in a basis for damped poles.
-PROMISED = 1e-8  # Of frequencies: rounding above which a warning is given.
+WARN_RTOL = 1e-8  # Warn above this rounding error of a frequency.
 # Of the square of the highest mode's frequency: a shift with which static responses of a floating structure exist.
 _STATIC = 1e-6
 _INDEPENDENT = 0.25  # Least square of the norm of a column after its second projection.
@@ -39,18 +39,18 @@ def first_order_poles(M: Array, C: Array, K: Array) -> Array:
     return np.linalg.eigvals(blocks([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
 
 
-def damped_poles(structure: Structure, count: int, promised: float = PROMISED) -> Array:
+def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> Array:
     """Return the ``count`` poles of lowest positive imaginary part.
 
     Raises
     ------
     ValueError
-        There are fewer.
+        If there are fewer poles.
 
     Warns
     -----
     AccuracyWarning
-        Rounding of the last one may be more than is ``promised``, relative.
+        If the relative rounding error of the last pole may exceed ``limit``.
     """
     form, moving = None, structure
     if structure.graded or structure.n <= max(2 * count + 20, _WHOLE):
@@ -70,8 +70,8 @@ def damped_poles(structure: Structure, count: int, promised: float = PROMISED) -
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     lowest = upper[np.argsort(upper.imag)][:count]
     if form is not None:
-        share = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())
-        warn_of_rounding("the highest eigenfrequency", share, promised)
+        error = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())
+        warn_of_rounding("the highest eigenfrequency", error, limit)
     return lowest
 
 
@@ -82,13 +82,13 @@ def with_statics(
 
     The static responses are those to ``loads`` (columns), then, up to ``order``, those to the inertia of the static
     responses before.  With loads of inputs and :func:`damper_forces`, a projected structure responds to signals that vary
-    slowly, damping included, as the whole one does.  Where all of that is no fewer than the coordinates, all modes are
+    slowly, damping included, as the full one does.  If the basis is not smaller than the number of coordinates, all modes are
     returned.
 
     Raises
     ------
     ValueError
-        As of :func:`undamped_modes`.
+        See :func:`undamped_modes`.
     """
     shift = _STATIC * float(frequencies[-1]) ** 2
     if len(frequencies) < structure.n and shift > 0.0:
@@ -112,21 +112,21 @@ def with_statics(
 def _orthonormal(M: Array, block: Array, against: Array) -> Array:
     """Return an M-orthonormal basis of the columns of ``block``, M-orthogonal to ``against``."""
     size = np.sqrt(np.einsum("ij,ij->j", block, M @ block))
-    kept = block[:, size > 0] / size[size > 0]
-    # a column of which the second projection leaves little is rounding of the first
+    columns = block[:, size > 0] / size[size > 0]
+    # A column that nearly vanishes in the second projection is rounding error of the first.
     for least in (0.0, _INDEPENDENT):
-        kept = kept - against @ (against.T @ (M @ kept))
-        if not kept.shape[1]:
-            return kept
-        values, mix = linalg.eigh(kept.T @ (M @ kept), check_finite=False)
+        columns = columns - against @ (against.T @ (M @ columns))
+        if not columns.shape[1]:
+            return columns
+        values, mix = linalg.eigh(columns.T @ (M @ columns), check_finite=False)
         good = values > max(DEPENDENT**2 * max(values[-1], 1e-6), least)
-        kept = kept @ (mix[:, good] / np.sqrt(values[good]))
-    return kept
+        columns = columns @ (mix[:, good] / np.sqrt(values[good]))
+    return columns
 
 
 def damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
-    R, excess = structure.layout.R, uneven_damping(structure)[1]  # through strains, whose differences keep digits
+    R, excess = structure.layout.R, uneven_damping(structure)[1]  # Through strains, whose differences are accurate.
     loaded = R.T @ weigh(excess, R @ shapes)
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     least = max(1e-9 * size.max(initial=1e-300), SUMMED * float(np.linalg.norm(structure.C @ shapes)))

@@ -123,9 +123,9 @@ def _filtered(ports: Ports, rates: Array, y: Array, parts: list[Array]) -> tuple
     ``parts`` are the outputs with no, one and two derivatives still to be taken by a filter.
     """
     bandwidths = [(o, b) for o, b in enumerate(ports.bandwidths) if b is not None]
-    size, names, room = len(rates), [], np.zeros(2 * len(bandwidths), int)
-    rates, y, position, once, twice = (np.insert(x, size + room, 0.0, axis=1) for x in (rates, y, *parts))
-    rates = np.vstack([rates, np.zeros((len(room), rates.shape[1]))])
+    size, names, gaps = len(rates), [], np.zeros(2 * len(bandwidths), int)
+    rates, y, position, once, twice = (np.insert(x, size + gaps, 0.0, axis=1) for x in (rates, y, *parts))
+    rates = np.vstack([rates, np.zeros((len(gaps), rates.shape[1]))])
     for j, (o, b) in enumerate(bandwidths):
         z1, z2 = size + 2 * j, size + 2 * j + 1
         y[o] = b**2 * twice[o]

@@ -166,7 +166,7 @@ def _secant(levels: list[Level], tolerance: float) -> float:
     if len(ends) < 2:
         return np.nan
     unit = ends[0].radius
-    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # of radii that are equal or too far apart
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):  # of radii that are equal or differ by too much
         inverse = (unit / np.array([(v.gamma, v.radius) for v in ends])) ** 2
         gap = inverse[:, 1] - inverse[:, 0]
         slope = (inverse[1, 0] - inverse[0, 0]) / (gap[1] - gap[0])

@@ -76,8 +76,8 @@ def lowest_controller(task: Task, strict: bool) -> Candidate:
         passed: dict[float, Candidate] = {}
         passes = partial(_passes, replace(task, fastest=fastest), passed, log)
         if task.wanted is not None:
-            any(passes(max(task.wanted * share, task.bounds.reached)) for share in _WANTED_LEVELS)
-        elif not any(passes(task.level(share * task.rtol)) for share in _FIRST_LEVELS):
+            any(passes(max(task.wanted * factor, task.bounds.reached)) for factor in _WANTED_LEVELS)
+        elif not any(passes(task.level(factor * task.rtol)) for factor in _FIRST_LEVELS):
             levels = [task.level(excess) for excess in np.geomspace(task.rtol, most, _LEVELS)]
             bisect_left(levels, True, key=passes)
         if passed:
@@ -86,7 +86,7 @@ def lowest_controller(task: Task, strict: bool) -> Candidate:
 
 
 def _passes(task: Task, passed: dict[float, Candidate], log: list[str], gamma: float) -> bool:
-    """Return whether the controller of a level passes, without its poles that are too fast; the log tells the outcome."""
+    """Return whether the controller of a level passes, without its poles that are too fast; append the outcome to the log."""
     task.deadline.check(f"computing a controller for gamma = {gamma:.6g}")
     name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
     try:
@@ -136,7 +136,7 @@ def without_fast_poles(K: Lti, fastest: float) -> Lti:
         If these poles cannot be separated.
     """
     parts = split(K, np.abs(K.poles) > fastest)
-    fast, slow = parts.kept, parts.rest
+    fast, slow = parts.retained, parts.rest
     D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
     if not all(np.isfinite(part).all() for part in (slow.B, slow.C, D)):
         raise ValueError("fast poles cannot be separated")

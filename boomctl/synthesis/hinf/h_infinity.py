@@ -19,7 +19,7 @@ from boomctl.synthesis.assumptions import checked
 from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
 from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
 from boomctl.synthesis.hinf.candidates import Candidate, Task, largest_pole, lowest_controller, verified_candidate
-from boomctl.synthesis.plants.full_plant import judged_on_full_plant, origin_of
+from boomctl.synthesis.plants.full_plant import evaluate_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.threads import one_blas_thread
 
@@ -62,7 +62,7 @@ class HInfinityResult(Summarized, LoopDesign):
 
     @property
     def success(self) -> bool:
-        """Whether the norm is as low as requested, and a loop on a full plant is proved stable."""
+        """True if the norm is as low as requested, and a loop on a full plant is proved stable."""
         c = self.certificate
         optimal = c.lower_bound == 0.0 or c.optimality_gap <= self._rtol
         return bool(optimal) and (c.full_plant is None or c.full_plant.stable is True)
@@ -170,12 +170,12 @@ def h_infinity(
     >>> bool(design.gamma <= 1.01 * design.certificate.lower_bound)  # within 1 % of the optimum
     True
     """
-    given = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)
-    discrete = given.system.dt != 0.0
+    original = partition(P.system if isinstance(P, ReductionResult) else P, nmeas, ncon, sampled=True)
+    discrete = original.system.dt != 0.0
     if discrete and fastest_pole is not None:
         raise ValueError("`fastest_pole` must be None for a discrete plant, whose controller runs once a sample.")
     wanted = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MAP_RTOL if discrete else 1.0)
-    plant = replace(given, system=continuous_image(given.system))
+    plant = replace(original, system=continuous_image(original.system))
     rtol, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
     ready = checked(plant)
@@ -192,11 +192,11 @@ def h_infinity(
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
         bounds = bounds.below(candidate.norm.upper_bound)
         summary = _summary(task, bounds, candidate)
-        bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, given.system.dt)))
+        bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, original.system.dt)))
         if discrete:
-            candidate, summary = _on_circle(given, candidate), f"{summary}; verified again on the unit circle"
-        labels = {"input_labels": given.measurements, "output_labels": given.controls}
-        K = replace(candidate.K, **labels, scales=given.system.scales)
+            candidate, summary = _on_circle(original, candidate), f"{summary}; verified again on the unit circle"
+        labels = {"input_labels": original.measurements, "output_labels": original.controls}
+        K = replace(candidate.K, **labels, scales=original.system.scales)
         certificate = DesignCertificate(
             norm_bounds=candidate.norm,
             spectral_abscissa=candidate.abscissa,
@@ -205,12 +205,12 @@ def h_infinity(
             lower_bound_source=bounds.why,
             stages=candidate.stages,
             summary=summary,
-            full_plant=judged_on_full_plant(origin_of(P), given, K, candidate.norm),
+            full_plant=evaluate_on_full_plant(origin_of(P), original, K, candidate.norm),
         )
         return HInfinityResult(
             _controller=K,
             _closed_loop=candidate.loop,
-            _plant=given.system,
+            _plant=original.system,
             gamma=candidate.norm.lower_bound,
             certificate=certificate,
             gamma_bounds=bounds,

@@ -17,7 +17,7 @@ _MAX_CONDITION = 1e5  # Of the modal basis; modes with nearly dependent eigenvec
 class NormalizedPlant(GeneralizedPlant):
     """Plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and scaled modal states.
 
-    The controller of the original plant is ``from_controls @ K @ from_measurements``, apart from its ``D22``.
+    The controller of the original plant is ``from_controls @ K @ from_measurements``, except for the effect of ``D22``.
     Disturbances and performance outputs are only rotated, which preserves norms. Each state is named after the original
     state with the largest participation.
     """

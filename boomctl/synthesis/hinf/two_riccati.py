@@ -55,7 +55,7 @@ class Level:
     ----------
     gamma : float
     reason : str
-        Empty if the level is reached, otherwise the condition that fails.
+        Empty if the level is reached, otherwise the case that fails.
     radius : float
         Square root of the spectral radius of ``X Y``; NaN if a solution does not exist or is indefinite.
     lower_bound : float
@@ -75,13 +75,13 @@ class Level:
 def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     """Solve the two Riccati equations at a level; ``inf`` gives those of H2."""
     solutions = []
-    for plant, name, given in ((ready, "X", "with all states measured"), (ready.dual, "Y", "with all states actuated")):
+    for plant, name, case in ((ready, "X", "with all states measured"), (ready.dual, "Y", "with all states actuated")):
         solution = _stabilizing(*_riccati_equation(plant, gamma))
         if solution is None:
-            return Level(gamma, f"{given}, no controller reaches it (no stabilizing {name})")
+            return Level(gamma, f"{case}, no controller reaches it (no stabilizing {name})")
         values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
         if values[0] < -_INDEFINITE_RTOL * max(np.abs(values[[0, -1]]).max(), TINY):
-            reason = f"{given}, no controller reaches it ({name} is indefinite)"
+            reason = f"{case}, no controller reaches it ({name} is indefinite)"
             return Level(gamma, reason, lower_bound=gamma if np.isfinite(gamma) else 0.0)
         solutions.append(solution)
     X, Y = solutions

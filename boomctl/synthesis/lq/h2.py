@@ -147,8 +147,8 @@ def _controller(p: GeneralizedPlant, regulator: RiccatiSolution, estimator: Ricc
     take what the measurement at the sample brings that was not expected: ``M`` times it.
     """
     F, L, s = regulator.gain, estimator.gain.T, p.system
-    way = Lti(p.A, p.B2, p.C2, p.D22, p.controls, p.measurements, s.state_labels, s.dt, s.scales)
-    K = observer(way, F, L)
+    loop_plant = Lti(p.A, p.B2, p.C2, p.D22, p.controls, p.measurements, s.state_labels, s.dt, s.scales)
+    K = observer(loop_plant, F, L)
     if s.dt == 0.0:
         return K, least_cost(p.B1 @ p.B1.T, p.D12.T @ p.D12, regulator, estimator)
     X, Y = regulator.X, estimator.X

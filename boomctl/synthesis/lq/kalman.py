@@ -116,9 +116,9 @@ def kalman(
     solution = solved_filter(problem, measured, plant.state_labels)
     L, n, states = solution.gain.T, len(plant.A), plant.state_labels
     known = tuple(name for name in plant.input_labels if name not in noisy)
-    way = plant.select(known, measured)
-    B = np.hstack([L, way.B - L @ way.D])
-    A, C, D, inputs = plant.A - L @ way.C, np.eye(n), np.zeros(B.shape), (*measured, *known)
+    G = plant.select(known, measured)
+    B = np.hstack([L, G.B - L @ G.D])
+    A, C, D, inputs = plant.A - L @ G.C, np.eye(n), np.zeros(B.shape), (*measured, *known)
     estimator = Lti(A, B, C, D, inputs, states, states, plant.dt, plant.scales)
     return KalmanResult(
         gain=L,
@@ -151,9 +151,9 @@ def filter_problem(
         C, S = plant.select(outputs=measurements).C, np.zeros((len(W), len(V)))
     else:
         entering = some_names("disturbance", disturbances, plant.input_labels)
-        intensity, way = semidefinite("process_noise", process_noise, entering), plant.select(entering, measurements)
-        C, D, S = way.C, way.D, way.B @ intensity @ way.D.T
-        W, V = even(way.B @ intensity @ way.B.T), even(V + D @ intensity @ D.T)
+        intensity, G = semidefinite("process_noise", process_noise, entering), plant.select(entering, measurements)
+        C, D, S = G.C, G.D, G.B @ intensity @ G.D.T
+        W, V = even(G.B @ intensity @ G.B.T), even(V + D @ intensity @ D.T)
     return RiccatiProblem(plant.A.T, C.T, W, V, S, plant.dt), entering
 
 

@@ -151,17 +151,17 @@ def lqg(
 
     def parts(plant: Lti, Q: Weight | None) -> tuple[Lti, RiccatiProblem, RiccatiProblem, tuple[str, ...]]:
         """Return a plant from controls to measurements, the problems of regulator and filter, and the noisy inputs."""
-        problem, way = regulator_problem(plant, driven, Q, R, output_weight), plant.select(driven, measured)
+        problem, G = regulator_problem(plant, driven, Q, R, output_weight), plant.select(driven, measured)
         dual, entering = filter_problem(plant, process_noise, measurement_noise, measured, disturbances)
-        B, D, q = way.B, way.D, ltr_intensity
+        B, D, q = G.B, G.D, ltr_intensity
         dual = replace(dual, Q=dual.Q + q * B @ B.T, R=dual.R + q * D @ D.T, N=dual.N + q * B @ D.T)
-        return way, problem, dual, entering
+        return G, problem, dual, entering
 
-    way, problem, dual, entering = parts(plant, Q)
+    G, problem, dual, entering = parts(plant, Q)
     regulator = solved_regulator(problem, driven, plant.state_labels)
     estimator = solved_filter(dual, measured, plant.state_labels)
-    K = observer(way, regulator.gain, estimator.gain.T)
-    P = GeneralizedPlant(_weighted(way, problem, dual), len(measured), len(driven))
+    K = observer(G, regulator.gain, estimator.gain.T)
+    P = GeneralizedPlant(_weighted(G, problem, dual), len(measured), len(driven))
     loop = lower_lft(P.system, K)
     effort = problem.R if plant.dt == 0.0 else problem.R + problem.B.T @ regulator.X @ problem.B
     least = least_cost(dual.Q, effort, regulator, estimator)
@@ -171,8 +171,8 @@ def lqg(
         around = origin.around
 
         def with_cost(full: Lti) -> Lti:
-            given = around(full).select(plant.input_labels, plant.output_labels)
-            return _between_all(given, driven, measured) if by_states else _weighted(*parts(given, 0.0)[:3])
+            full_plant = around(full).select(plant.input_labels, plant.output_labels)
+            return _between_all(full_plant, driven, measured) if by_states else _weighted(*parts(full_plant, 0.0)[:3])
 
         origin = ReducedPlant(origin.reduction, with_cost)
     certificate = certify(loop, K, least, regulator, estimator, plant=P, origin=origin, by_states=by_states)
@@ -184,17 +184,17 @@ def lqg(
         poles=np.concatenate([regulator.poles, estimator.poles]),
         cost=certificate.norm_bounds.value**2,
         certificate=certificate,
-        _plant=way,
+        _plant=G,
     )
 
 
-def _weighted(way: Lti, problem: RiccatiProblem, dual: RiccatiProblem) -> Lti:
+def _weighted(G: Lti, problem: RiccatiProblem, dual: RiccatiProblem) -> Lti:
     """Return the generalized plant whose squared H2 norm is the cost."""
-    n = len(way.A)
+    n = len(G.A)
     weight, drive = (square_root(blocks([[p.Q, p.N], [p.N.T, p.R]])) for p in (problem, dual))
-    B, C = np.hstack([drive[:n], way.B]), np.vstack([weight[:n].T, way.C])
+    B, C = np.hstack([drive[:n], G.B]), np.vstack([weight[:n].T, G.C])
     none = np.zeros((weight.shape[1], drive.shape[1]))
-    return Lti(way.A, B, C, blocks([[none, weight[n:].T], [drive[n:], way.D]]), dt=way.dt)
+    return Lti(G.A, B, C, blocks([[none, weight[n:].T], [drive[n:], G.D]]), dt=G.dt)
 
 
 def _between_all(plant: Lti, controls: Sequence[str], measured: Sequence[str]) -> Lti:

@@ -150,7 +150,7 @@ def lqr(
     integrated = names("integral_action", listed, plant.output_labels)
     integrals = integral_action if isinstance(integral_action, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(plant, driven, Q, R, output_weight, N=N)
-    bank, way = _integrators(integrated, plant.dt), plant.select(driven, integrated)
+    bank, G = _integrators(integrated, plant.dt), plant.select(driven, integrated)
     n, k, m = len(plant.A), len(integrated), len(driven)
     chain, C = series(plant.select(outputs=integrated), bank), np.hstack([plant.C, np.zeros((len(plant.C), k))])
     whole = replace(plant, A=chain.A, B=chain.B, C=C, state_labels=plant.state_labels + bank.state_labels)
@@ -166,7 +166,7 @@ def lqr(
     return LqrResult(
         _controller=Lti(bank.A, B, -F[:, n:], D, inputs, driven, states, plant.dt, plant.scales).without_dots(),
         _closed_loop=closed_loop,
-        _plant=Lti(plant.A, way.B, np.vstack([np.eye(n), way.C]), np.vstack([np.zeros((n, m)), way.D]), dt=plant.dt),
+        _plant=Lti(plant.A, G.B, np.vstack([np.eye(n), G.C]), np.vstack([np.zeros((n, m)), G.D]), dt=plant.dt),
         gain=F,
         riccati_solution=solution.X,
         _effort=replace(closed_loop, C=-F, D=np.zeros((m, len(others))), output_labels=driven),

@@ -9,7 +9,7 @@ from boomctl.lti.modal import sides
 from boomctl.lti.system import Lti, rates_of
 from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.lq.riccati import MAX_COST_ERROR, RiccatiSolution
-from boomctl.synthesis.plants.full_plant import ReducedPlant, judged_on_full_plant
+from boomctl.synthesis.plants.full_plant import ReducedPlant, evaluate_on_full_plant
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 
@@ -21,9 +21,9 @@ def observer(plant: Lti, F: Array, L: Array) -> Lti:
 
 
 def least_cost(W: Array, R: Array, regulator: RiccatiSolution, estimator: RiccatiSolution) -> float:
-    """Return the least cost: that of state feedback and that of the estimate.
+    """Return the least cost, the sum of the costs of state feedback and of estimation.
 
-    ``tr(X W) + tr(R F Y F^T)``; Kwakernaak & Sivan (1972), Theorem 5.4.  In discrete time ``R + B^T X B`` stands for ``R``.
+    ``tr(X W) + tr(R F Y F^T)``; Kwakernaak & Sivan (1972), Theorem 5.4.  In discrete time ``R + B^T X B`` replaces ``R``.
     """
     F = regulator.gain
     return float(np.trace(regulator.X @ W) + np.trace(R @ F @ estimator.X @ F.T))
@@ -69,7 +69,7 @@ def certify(
         stages=(*regulator.stages, *estimator.stages, norm.method),
         summary=f"H2 norm {norm.value:.6g}, {norm.status}; lower bound {lower:.6g} by the Riccati equations; "
         f"slowest pole {slowest:.4g} rad/s; Riccati residuals {regulator.residual:.1e} and {estimator.residual:.1e}",
-        full_plant=judged_on_full_plant(origin, plant, K, None if by_states else norm),
+        full_plant=evaluate_on_full_plant(origin, plant, K, None if by_states else norm),
         regulator_riccati=regulator,
         filter_riccati=estimator,
     )

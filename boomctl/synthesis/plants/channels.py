@@ -40,9 +40,9 @@ class Channel:
         return f"{NAMES[self.norm]} norm{where}"
 
 
-def listed_names(what: str, given: object) -> tuple[str, ...]:
+def listed_names(what: str, labels: object) -> tuple[str, ...]:
     """Return the labels of signals, at least one."""
-    result = (given,) if isinstance(given, str) else sequence(f"{what}s", given, "names")
+    result = (labels,) if isinstance(labels, str) else sequence(f"{what}s", labels, "names")
     if not result:
         raise ValueError(f"`{what}s` must have at least one name, got none.")
     return tuple(instance(what, name, str) for name in result)
@@ -77,8 +77,8 @@ def objective(
     Channel: H-infinity norm from w_track to z_tip, z_stroke as small as possible
     """
     disturbed = None if inputs is None else listed_names("input", inputs)
-    judged = None if outputs is None else listed_names("output", outputs)
-    return Channel(disturbed, judged, known("norm", norm, NAMES))
+    performance = None if outputs is None else listed_names("output", outputs)
+    return Channel(disturbed, performance, known("norm", norm, NAMES))
 
 
 def constraint(
@@ -116,12 +116,12 @@ def constraint(
 
 def channel_of(plant: GeneralizedPlant, channel: Channel) -> GeneralizedPlant:
     """Return a plant with the disturbances and performance signals of one channel."""
-    columns, rows = places(plant, channel)
+    columns, rows = signal_indices(plant, channel)
     (p, m), (z, w) = plant.system.D.shape, (plant.nz, plant.nw)
     return replace(plant, system=plant.system.between([*columns, *range(w, m)], [*rows, *range(z, p)]))
 
 
-def places(plant: GeneralizedPlant, channel: Channel) -> tuple[list[int], list[int]]:
+def signal_indices(plant: GeneralizedPlant, channel: Channel) -> tuple[list[int], list[int]]:
     """Return columns and rows of a channel among disturbances and performance signals."""
     columns = plant.disturbances if channel.inputs is None else channel.inputs
     rows = plant.performance if channel.outputs is None else channel.outputs

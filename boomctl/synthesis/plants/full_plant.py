@@ -57,8 +57,8 @@ class ReducedPlant:
 
 def plant_within(plant: Any) -> Lti:
     """Return the plant as a system, of a reduction the reduced one."""
-    given = plant.system if isinstance(plant, ReductionResult) else plant
-    return of(given, "plant", "SecondOrderModel, StateSpace or ReductionResult", sampled=True)
+    system = plant.system if isinstance(plant, ReductionResult) else plant
+    return of(system, "plant", "SecondOrderModel, StateSpace or ReductionResult", sampled=True)
 
 
 def origin_of(P: Any) -> ReducedPlant | None:
@@ -92,7 +92,7 @@ def generalized(
     return P
 
 
-def judged_on_full_plant(
+def evaluate_on_full_plant(
     origin: ReducedPlant | None, plant: GeneralizedPlant, K: Lti, reduced: NormBounds | None
 ) -> DesignCertificate | None:
     """Return a certificate of a loop on the full plant if its plant is reduced, and warn if it is worse there.
@@ -102,12 +102,12 @@ def judged_on_full_plant(
     if origin is None:
         return None
     reduction = origin.reduction
-    share = _share(reduction, plant, K)
+    ratio = _small_gain(reduction, plant, K)
     size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
-    stable, slowest = True if share < 1.0 else None, nan
+    stable, slowest = True if ratio < 1.0 else None, nan
     kind, why = ("h2", UNDEFINED) if reduced is None else (reduced.kind, NOT_COMPUTED)
     norm = NormBounds(0.0, inf, nan, why, kind=kind)
-    stages = [f"small gain {share:.3g}"]
+    stages = [f"small gain {ratio:.3g}"]
     if size <= _MAX_POLES:
         full = replace(plant, system=origin.around(of(reduction.full_system, sampled=True)))
         parts = ClosedLoop(full.system, K)
@@ -124,19 +124,19 @@ def judged_on_full_plant(
         elif stable and reduced is not None and size <= _MAX_NORM:
             norm = matrices_h2_norm(cancelled(parts.system, full.D11)) if kind == "h2" else matrices_norm(parts)
             stages.append(f"norm: {norm.method}")
-    summary = _summary(reduction, stable, share, slowest, norm)
+    summary = _summary(reduction, stable, ratio, slowest, norm)
     known = inf if reduced is None or norm.method == NOT_COMPUTED else reduced.value
     if not stable or norm.value > _WARNING_FACTOR * known:
         warn_user(f"The controller was designed on a reduced plant: {summary}.", ReductionWarning)
     fastest, source = float(np.abs(K.poles).max(initial=0.0)), "none: computed for the reduced plant"
-    return DesignCertificate(norm, slowest, fastest, 0.0, source, tuple(stages), summary, stable, small_gain=share)
+    return DesignCertificate(norm, slowest, fastest, 0.0, source, tuple(stages), summary, stable, small_gain=ratio)
 
 
-def _summary(reduction: ReductionResult, stable: bool | None, share: float, slowest: float, norm: NormBounds) -> str:
+def _summary(reduction: ReductionResult, stable: bool | None, ratio: float, slowest: float, norm: NormBounds) -> str:
     plant = f"on the full plant of {reduction.full_order} states"
-    gain = f"K S times the reduction's error of {reduction.error_norm:.3g} is up to {share:.3g}"
+    gain = f"K S times the reduction's error of {reduction.error_norm:.3g} is up to {ratio:.3g}"
     if stable:
-        how = f"proved: {gain}" if share < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
+        how = f"proved: {gain}" if ratio < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
         return f"stable {plant} ({how}){_norm_text(norm)}"
     result = f"stability is not proved {plant}; {gain}, where less than 1 proves it"
     if stable is False:
@@ -157,7 +157,7 @@ def _norm_text(norm: NormBounds) -> str:
     return f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
 
 
-def _share(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
+def _small_gain(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
     """Return the largest ``K S`` times the error of a reduction; at least one if that is not proved to be less."""
     n, m, p = len(plant.A), plant.ncon, plant.nmeas
     B, C = np.hstack([np.zeros((n, p)), plant.B2]), np.vstack([np.zeros((m, n)), plant.C2])

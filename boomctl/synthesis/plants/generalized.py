@@ -219,10 +219,10 @@ def _joined(plant: Lti, first: Lti, middle: Lti, last: Lti) -> Lti:
     return joined
 
 
-def _weighted(what: str, prefix: str, given: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
+def _weighted(what: str, prefix: str, table: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
     """Return the checked weights of signals, with prefixed labels."""
     result = {}
-    for name, weight in mapping(what, given, "signals to weights").items():
+    for name, weight in mapping(what, table, "signals to weights").items():
         outside = prefix + known(what, name, choices)
         system = _weight(f"weight of {what} {name!r}", weight, dt)
         states = tuple(f"{outside}[{k}]" for k in range(len(system.A)))

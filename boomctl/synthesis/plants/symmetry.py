@@ -65,11 +65,11 @@ def join_symmetric(
     array([[-150.,  -50.],
            [ -50., -150.]])
     """
-    mirror, given = _mirror(model), {"symmetric": symmetric, "antisymmetric": antisymmetric}
-    halves = [of(half, name, "StateSpace", any_time=True) for name, half in given.items()]
+    mirror, controllers = _mirror(model), {"symmetric": symmetric, "antisymmetric": antisymmetric}
+    halves = [of(half, name, "StateSpace", any_time=True) for name, half in controllers.items()]
     for half in halves:
         check_scales(half)
-    times = {half.dt for half, own in zip(halves, given.values(), strict=True) if own.dt is not None}
+    times = {half.dt for half, own in zip(halves, controllers.values(), strict=True) if own.dt is not None}
     if len(times) > 1:
         raise ValueError(f"`antisymmetric` must have the sampling time {symmetric.dt} s, got {antisymmetric.dt} s.")
     measured, read = _signals(mirror, [half.input_labels for half in halves], model.output_labels, "output")
@@ -97,7 +97,7 @@ def split_controller(
     -------
     symmetric, antisymmetric : control.StateSpace
         Controllers of the two subsystems, without the states of the other one.
-    missed : float
+    coupling : float
         Coupling of the subsystems by the controller: largest gain between them at and around the frequencies of its poles,
         relative to the largest gain within them, with measurements scaled to similar magnitudes. Rounding error for a
         symmetric controller.
@@ -113,9 +113,9 @@ def split_controller(
     >>> import boomctl as bc
     >>> import control
     >>> names = {"inputs": ["stroke_left", "stroke_right"], "outputs": ["suspension_left", "suspension_right"]}
-    >>> whole = control.ss([], [], [], [[-150.0, -50.0], [-50.0, -150.0]], **names)
-    >>> jolt, yaw, missed = bc.synthesis.split_controller(bc.spray_boom(), whole)
-    >>> jolt.D.round(6), yaw.D.round(6), round(missed, 9)
+    >>> both_sides = control.ss([], [], [], [[-150.0, -50.0], [-50.0, -150.0]], **names)
+    >>> jolt, yaw, coupling = bc.synthesis.split_controller(bc.spray_boom(), both_sides)
+    >>> jolt.D.round(6), yaw.D.round(6), round(coupling, 9)
     (array([[-200.]]), array([[-100.]]), 0.0)
     """
     mirror, controller_lti = _mirror(model), controller_of(controller, sampled=True).balanced()
@@ -150,13 +150,13 @@ def split_controller(
                 f" {grid[worst]:.4g} rad/s, as rounding mixes its poles. Design one controller for each subsystem."
             )
         result.append(replace(discrete_image(half, controller_lti.dt), scales=controller_lti.scales))
-    missed = max(gains[0, 1], gains[1, 0]) / (max(gains[0, 0], gains[1, 1]) or 1.0)
+    coupling = max(gains[0, 1], gains[1, 0]) / (max(gains[0, 0], gains[1, 1]) or 1.0)
     symmetric, antisymmetric = (half.statespace("controller") for half in result)
-    return symmetric, antisymmetric, missed
+    return symmetric, antisymmetric, coupling
 
 
 def _frequencies(K: Lti) -> Array:
-    """Return frequencies around a controller's poles and beside them, where the response of undamped ones is finite."""
+    """Return frequencies around a controller's poles, and offset from them so that undamped poles have a finite response."""
     poles = K.poles[resolved(K.poles) & (K.poles != 0.0)]
     poles = poles if len(poles) else -np.ones(1)
     size = np.abs(poles)

@@ -97,7 +97,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float =
 def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     """Return a second-order filter between two corner frequencies, to be used as a weight.
 
-    It may stand, for instance, for the platform's motion on a track.
+    It can represent, for instance, the platform's motion on a track.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
     Raises
     ------
     TypeError, ValueError
-        A number out of range; frequencies that do not ascend.
+        If a value is out of range or the frequencies do not ascend.
 
     Examples
     --------
