@@ -92,7 +92,7 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
     ax : matplotlib Axes or figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -163,7 +163,7 @@ def plot_transient(result: "TimeResponse", ax: Any = None, **style: Any) -> Arra
     ----------
     result : TimeResponse
     ax : sequence of matplotlib Axes, or a figure, optional
-        One axes an output; by default a new figure of pyplot.
+        One axes per output. If None, a new figure is created.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -317,7 +317,7 @@ def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) ->
     ax : matplotlib Axes or figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

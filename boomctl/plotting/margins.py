@@ -24,9 +24,9 @@ def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
     ----------
     result : Margins
     ax : sequence of matplotlib Axes, or a figure, optional
-        One axes a loop; by default a new figure of pyplot.
+        One axes per loop. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -52,7 +52,7 @@ def plot_loop_margin(result: "LoopMargin", ax: Any = None, **style: Any) -> Any:
     ax : matplotlib Axes or figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

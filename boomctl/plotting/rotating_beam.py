@@ -27,7 +27,7 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
     ax : sequence of four matplotlib Axes, or a figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -72,9 +72,9 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
     ----------
     result : CampbellDiagram
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot; on a diagram that is there already the multiples are not drawn again.
+        Axes to draw on. If None, a new figure is created. The multiples are not drawn again on an existing diagram.
     **style
-        Of the frequencies, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

@@ -107,7 +107,7 @@ def plot_measured(
     ----------
     curve : MeasuredFrequencyResponse
     ax, frequency_unit, **style
-        As for :func:`plot_sigma`; by default in Hz, as measured.
+        See :func:`plot_sigma`; by default in Hz, as measured.
 
     Returns
     -------

@@ -40,9 +40,9 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     ----------
     result : SlewResult
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for each of these that there are; by default a new figure of pyplot.
+        One for each available quantity. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -85,7 +85,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     ax : matplotlib Axes or figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -123,11 +123,11 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     comparison : SlewComparison
     ax : sequence of matplotlib Axes, or a figure, optional
         One for the torque of each slew drawn over time, one for their tips, one for the vibration, and one for the
-        vibration over tip masses if there are some; by default a new figure of pyplot.
+        vibration over tip masses, if any. If None, a new figure is created.
     names : sequence of str
-        Which slews to draw over time; the vibration is drawn of all. () draws the first four.
+        Slews to draw over time, the first four if empty. The vibration of all slews is drawn.
     **style
-        Of the curves over time, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     for name in names:
         known("slew", name, [line.name for line in comparison.rows])
     shown = [line for line in comparison.rows if line.name in names] if names else list(comparison.rows[:4])
-    # those drawn over time come first, for colors repeat
+    # slews drawn over time come first, since colors repeat
     ranked = [*shown, *(line for line in comparison.rows if line not in shown)]
     looks, loads = {line.name: _line_style(k) for k, line in enumerate(ranked)}, comparison.tip_masses
 
@@ -244,7 +244,7 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
     ax : sequence of four matplotlib Axes, or a figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -303,7 +303,7 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     ax : sequence of two matplotlib Axes, or a figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the two curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -408,7 +408,7 @@ def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
     ax : sequence of two matplotlib Axes, or a figure, optional
         Axes of impulses and residual vibration. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

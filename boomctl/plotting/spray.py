@@ -111,7 +111,7 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
     ax : sequence of two matplotlib Axes, or a figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

@@ -106,7 +106,7 @@ class MachineDesign(Design):
         Raises
         ------
         TypeError, ValueError
-            As for :func:`boomctl.sigma`, :func:`boomctl.margins` and :func:`boomctl.robust_stability`.
+            See :func:`boomctl.sigma`, :func:`boomctl.margins` and :func:`boomctl.robust_stability`.
         """
         plant, K = self._nominal
         loop = joined(plant, K)
@@ -140,7 +140,7 @@ class MachineResult(Evaluation):
     margins : Margins or None
         Margins of the loop; None where it is unstable.
     stable : bool
-        Whether every pole of the closed loop decays, hidden ones included.
+        True if the closed loop is stable, including uncontrollable and unobservable modes.
     robust : RobustStability or None
         Stability over the box of a family; None without one.
     """

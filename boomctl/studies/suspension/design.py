@@ -34,7 +34,7 @@ class SuspensionDesign(Design):
     Attributes
     ----------
     name, title, synthesis_info, notes, results, sections
-        As of every `Design`.
+        See `Design`.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
     controller : control.StateSpace or None
@@ -82,7 +82,7 @@ class SuspensionDesign(Design):
         Raises
         ------
         TypeError, ValueError
-            As for :func:`boomctl.simulate_loop` and of the analyses.
+            See :func:`boomctl.simulate_loop` and the analyses.
         """
         where = FieldScenario() if scene is None else scene
         p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay

@@ -170,7 +170,7 @@ def evaluate_suspension(
     Raises
     ------
     TypeError, ValueError
-        As for :func:`boomctl.simulate_loop`.
+        See :func:`boomctl.simulate_loop`.
 
     Examples
     --------

@@ -143,9 +143,9 @@ class SweepResult:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         column : str, optional
-            Which result; by default the first that is a number.
+            Name of the result; by default the first that is a number.
         against : str, optional
             Over which parameter; by default the first that is swept and a number.  Each value of another one has a color
             and a line of its own: the first that holds names, otherwise the next number but a ``seed``.
@@ -155,7 +155,7 @@ class SweepResult:
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
 
         Raises
         ------
