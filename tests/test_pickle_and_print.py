@@ -189,7 +189,7 @@ def test_parameters_print_as_python_that_makes_them_again():
 def test_what_is_computed_when_asked_for_is_so_after_pickling_too():
     s = bc.sigma(one.boom(), one.OMEGA)
     stored = pickle.loads(pickle.dumps(s))
-    assert "computed when .peak is asked for" in repr(stored)
+    assert "computed on first access to .peak" in repr(stored)
     assert stored.peak == s.peak
     assert f"peak {s.peak:.6g}" in repr(stored)
 

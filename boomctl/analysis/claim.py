@@ -9,30 +9,30 @@ from boomctl.lti.system import Lti
 
 @dataclass(frozen=True)
 class Claim:
-    """A statement about a system, a loop, or the difference of two systems.
+    """Statement about a system, a loop, or the difference of two systems.
 
     Attributes
     ----------
     what : str
-        What it is about, as messages call it.
+        Name of the subject in messages.
     system : Lti
-        As it was handed in.
+        The system passed by the user.
     controller : Lti or None
-        ``u = K y``, around the last signals of the system.
+        Controller with ``u = K y``, around the last signals of the system.
     minus : Lti or None
-        What is taken from it.
+        System to subtract.
     stable : bool or None
-        Whether all poles decay; None where only the response is spoken of.
+        True if all poles are stable; None if the statement is about the response only.
     norm : (float, float, float) or None
         Two bounds of the H-infinity norm, and the frequency of the peak [rad/s].
     energy : (float, float) or None
         Two bounds of the H2 norm.
     band : (float, float) or None
-        Frequencies within which the norm is meant [rad/s].
+        Frequency range of the norm [rad/s].
     rounded : str
-        What the system stands for, where it is not itself what was handed in: then nothing is refuted.
-    beside : tuple of Lti
-        Systems of other signals: the norm is that of all of them together, as of the halves of a symmetric structure.
+        Description of the system if it is only a representation of the user's system: then nothing is refuted.
+    others : tuple of Lti
+        Systems with other signals: the norm is that of all of them together, as of the subsystems of a symmetric structure.
     """
 
     what: str
@@ -44,10 +44,10 @@ class Claim:
     energy: tuple[float, float] | None = None
     band: tuple[float, float] | None = None
     rounded: str = ""
-    beside: tuple[Lti, ...] = ()
+    others: tuple[Lti, ...] = ()
 
 
 class Claiming(Protocol):
-    """A result that says what can be proved of it."""
+    """Result with statements that can be proved."""
 
     def __claims__(self) -> Iterator[Claim]: ...

@@ -1,7 +1,7 @@
-"""H2 norms by Gramians, and how they are verified.
+"""Verified H2 norms by Gramians.
 
-The square of the norm is ``trace(C P C')`` with the Gramian of controllability ``P``, and ``trace(B' Q B)`` with that of
-observability: the two agree where rounding leaves digits.
+The square of the norm is ``trace(C P C')`` with the controllability Gramian ``P``, and ``trace(B' Q B)`` with the
+observability Gramian ``Q``: the two agree to within rounding error.
 """
 
 import warnings
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 BY_GRAMIANS = "Gramians of controllability and observability agree"
 NOT_AGREED = "Gramians of controllability and observability do not agree"
-_AGREED = 0.1 * CERTIFIED  # Relative difference of the norms by the two Gramians, up to which it is verified.
-_CLEAR = 1e-8  # Rounding of A relative to the slowest decay, up to which double precision is enough.
-_MARGIN = 0.2 * CERTIFIED  # Share of the norm by which its bounds lie on either side of it.
+_AGREED = 0.1 * CERTIFIED  # Largest relative difference of the norms by the two Gramians for a verified norm.
+_CLEAR = 1e-8  # Largest rounding error of A, relative to the slowest decay rate, for double precision.
+_MARGIN = 0.2 * CERTIFIED  # Relative distance of both bounds from the norm.
 
 
 @one_blas_thread
@@ -40,19 +40,19 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The system, from all its inputs to all its outputs; a boom model without selected signals from its platform
-        actuators to its tips, as in :func:`boomctl.sigma`.
+        System, from all inputs to all outputs; a boom model without selected signals from platform actuators to tips, as in
+        :func:`boomctl.sigma`.
 
     Returns
     -------
     NormBounds
-        The norm, and bounds of it.
+        The norm and its bounds.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite; an output of a structure
-        that needs a derivative of an input.
+        If `system` has an unsupported type, an unspecified sampling time or an entry that is not finite, or if an output of a
+        structure needs a derivative of an input.
 
     Examples
     --------
@@ -65,14 +65,14 @@ def h2_norm(system: "SecondOrderModel | control.StateSpace | control.TransferFun
     if isinstance(system, SecondOrderModel):
         chosen = system.between()
         return replace(matrices_h2_norm(chosen._modal_form), _given=chosen)
-    given = of(system, sampled=True)
-    return replace(matrices_h2_norm(given), _given=given)
+    plain = of(system, sampled=True)
+    return replace(matrices_h2_norm(plain), _given=plain)
 
 
-def matrices_h2_norm(given: Lti) -> NormBounds:
+def matrices_h2_norm(original: Lti) -> NormBounds:
     """Return the H2 norm of ``A, B, C, D``."""
-    system, through = given.balanced(), float(np.linalg.norm(given.D))
-    moves = len(given.A) > 0 and min(given.D.shape) > 0
+    system, through = original.balanced(), float(np.linalg.norm(original.D))
+    moves = len(original.A) > 0 and min(original.D.shape) > 0
     infinite, hidden = at_boundary(system, bounds(system)) if moves else (None, False)
     if infinite is not None and infinite.verified:
         slowest = system.rates[int(np.argmax(system.rates.real))]
@@ -81,16 +81,16 @@ def matrices_h2_norm(given: Lti) -> NormBounds:
     elif infinite is not None:
         decays = (sides(system.poles, system.dt) < 0).all()
         result = _between(0.0, _by_gramians(system).value if decays else inf, inf, infinite.method)
-    elif through and given.dt == 0.0:
-        o, i = np.unravel_index(int(np.argmax(np.abs(given.D))), given.D.shape)
-        method = f"a feedthrough to {given.output_labels[int(o)]!r} from {given.input_labels[int(i)]!r}"
+    elif through and original.dt == 0.0:
+        o, i = np.unravel_index(int(np.argmax(np.abs(original.D))), original.D.shape)
+        method = f"a feedthrough to {original.output_labels[int(o)]!r} from {original.input_labels[int(i)]!r}"
         result = _between(inf, inf, inf, method, verified=True, proved=True)
     elif not moves:
         result = _between(through, through, through, "no states", verified=True, proved=True)
     else:
         result = _between(0.0, 0.0, inf, NOT_PROVED) if hidden else _by_gramians(system)
         result = result if result.verified else _by_exact_arithmetic(system, result)
-    return replace(result, _given=given)
+    return replace(result, _given=original)
 
 
 def _between(
@@ -100,14 +100,14 @@ def _between(
 
 
 def _by_gramians(system: Lti) -> NormBounds:
-    """Return the norm of a stable system, verified where both Gramians give it, if need be in extended precision."""
+    """Return the norm of a stable system, verified if both Gramians agree; in extended precision if necessary."""
     steps, through = system.dt != 0.0, float(np.sum(system.D**2))
     value = other = nan
     slowest = float((1.0 - np.abs(system.poles) if steps else -system.poles.real).min())
     clear = len(system.A) * EPS * float(np.linalg.norm(system.A)) <= _CLEAR * slowest
     for solve in (gramian, refined_gramian) if clear else (refined_gramian,):
         try:
-            with warnings.catch_warnings():  # of SciPy, where poles are nearly mirror images: the Gramians are compared
+            with warnings.catch_warnings():  # SciPy warns of poles that are nearly mirror images
                 warnings.simplefilter("ignore", RuntimeWarning)
                 P, Q = solve(system.A, system.B, steps), solve(system.A.T, system.C.T, steps)
         except (np.linalg.LinAlgError, ValueError):
@@ -115,13 +115,13 @@ def _by_gramians(system: Lti) -> NormBounds:
         squares = float(np.sum((system.C @ P) * system.C)), float(np.sum((system.B.T @ Q) * system.B.T))
         value, other = (sqrt(square + through) if square >= 0.0 else nan for square in squares)
         if abs(value - other) <= _AGREED * value < inf:
-            room = _MARGIN * value
-            return _between(value - room, value, value + room, BY_GRAMIANS, verified=True)
-    return _between(0.0, value if value < inf else inf, inf, NOT_AGREED)  # Not a number: of a pole that does not decay.
+            margin = _MARGIN * value
+            return _between(value - margin, value, value + margin, BY_GRAMIANS, verified=True)
+    return _between(0.0, value if value < inf else inf, inf, NOT_AGREED)  # NaN: from a pole that is not stable.
 
 
 def _by_exact_arithmetic(system: Lti, known: NormBounds) -> NormBounds:
-    """Return the norm of a system whose poles decay or do not show, of the numbers as stored, or what is known of it."""
+    """Return the norm of the stored system, whose unstable poles do not contribute, in exact arithmetic; else ``known``."""
     from boomctl.exact_roots import OPERATIONS, UndecidedError
     from boomctl.lti.proof import Exact, below
 

@@ -1,4 +1,4 @@
-"""Feedback loops ``u = K y`` closed by name, with injection points at controls and measurements; continuous or sampled."""
+"""Continuous or sampled feedback loops ``u = K y``, closed by name, with injection points at controls and measurements."""
 
 from __future__ import annotations
 
@@ -25,23 +25,23 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 SIGN_ADVICE = "The controller acts as u = +K y: pass -K, which stabilizes the loop."
-_MAX_CHECKED_STATES = 200  # States of a loop up to which its poles are computed for a warning: some 20 ms.
+_MAX_CHECKED_STATES = 200  # Largest number of states of a loop whose poles are computed for a warning: about 20 ms.
 
 
 @dataclass(frozen=True)
 class Loop:
-    """A plant and a controller, ``u = K y``, as one system with every signal around the loop at hand.
+    """Loop ``u = K y`` of a plant and a controller, as one system with all signals of the loop.
 
     Attributes
     ----------
     disturbances, controls, measurements, outputs : tuple of str
-        Names; ``outputs`` are all of the plant's.
+        Names of signals; ``outputs`` are all outputs of the plant.
     system : Lti
-        From the disturbances, the signal injected at each control, and the signal injected at each measurement, to the
-        plant's outputs, the controls as the plant feels them, and the measurements as the controller reads them.  Plant
-        states come first, then the controller's.  In discrete time where the controller is.
+        System from the disturbances, the signals injected at the controls, and the signals injected at the measurements, to
+        the plant's outputs, the plant's control inputs, and the controller's inputs.  The plant states precede the
+        controller's.  In discrete time with a discrete controller.
     plant, controller : Lti
-        From the controls to the measurements, sampled where the controller is; from these to those.
+        Plant from controls to measurements, sampled with a discrete controller; controller from measurements to controls.
     """
 
     disturbances: tuple[str, ...]
@@ -56,17 +56,17 @@ class Loop:
 
     @property
     def sensitivity(self) -> Lti:
-        """From the signals injected at controls and measurements to these: ``(I - [0 K; G 0])^-1``."""
+        """System from the injected signals to the controls and measurements: ``(I - [0 K; G 0])^-1``."""
         first, last, size = len(self.disturbances), len(self.outputs), len(self.controls) + len(self.measurements)
         return self.system.between(range(first, first + size), range(last, last + size)).balanced()
 
     def injections(self, injection_points: str | Sequence[str]) -> list[int]:
-        """Return which inputs of the system are the signals injected at some controls and measurements.
+        """Return the indices of the inputs that are the signals injected at some controls and measurements.
 
         Raises
         ------
         TypeError, ValueError
-            Unknown names; an injected signal with the name of another input.
+            If a name is unknown, or an injected signal has the name of another input.
         """
         around = self.controls + self.measurements
         points = names("control or measurement (injection_points)", injection_points, around)
@@ -83,12 +83,12 @@ class Loop:
         Raises
         ------
         TypeError, ValueError
-            As `injections`; a loop without inputs.
+            As in `injections`, or if the loop has no inputs.
         """
         inputs = [*range(len(self.disturbances)), *self.injections(injection_points)]
         if not inputs:
             raise ValueError(
-                "the controller drives every input of the plant, and nothing drives the loop: `injection_points` must name"
+                "the controller drives every input of the plant, so that the loop has no inputs: `injection_points` must name"
                 f" at least one of {listed(self.controls + self.measurements)}."
             )
         return self.system.between(inputs, range(len(self.outputs) + len(self.controls)))
@@ -104,16 +104,15 @@ def joined(
     controller: control.StateSpace | control.TransferFunction | Lti,
     delay: float | None = None,
 ) -> Loop:
-    """Return the loop of a plant and a controller, found by name.
+    """Return the loop of a plant and a controller, with signals matched by name.
 
     With a delay [s], 0 included, the controller may be discrete, and the loop is then sampled: see :func:`feedback_loop`.
-    Without one, only a loop in continuous time will do.
+    Without a delay, the loop must be in continuous time.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, another kind of time; a controller's input that is no output of the plant, or its output
-        no input of it; a loop that is not well-posed.
+        If a system has an unsupported type or time, signal names do not match, or the loop is not well-posed.
     """
     either = delay is not None
     P = of(plant, "plant", sampled=either)
@@ -150,7 +149,7 @@ def sign_advice(plant: Lti, controller: Lti, delay: float) -> str:
 
 
 def warn_of_sign(advice: str) -> None:
-    """Issue the advice on the sign of a controller, if any, as a warning."""
+    """Issue the advice on the sign of a controller as a warning, unless it is empty."""
     if advice:
         warn_user(f"The loop is unstable. {advice}", FeedbackSignWarning)
 
@@ -162,14 +161,13 @@ def signals_of(
     states: Sequence[str] = (),
     scales: Mapping[str, float] | None = None,
 ) -> tuple[list[int], list[int]]:
-    """Return which inputs of a plant a controller drives and which of its outputs it reads, by name.
+    """Return the indices of the plant's inputs that a controller drives, and of the plant's outputs that it reads, by name.
 
     Raises
     ------
     ValueError
-        The controller is not in the scales of the plant.
-        One is not there; of a state of the plant, how it becomes an output is said, and of a controller without names how
-        it gets them.
+        If the controller is not in the scales of the plant, or a signal is missing.  For a state of the plant, the message
+        explains how it becomes an output, and for a controller without names, how to assign them.
     """
     read, driven = controller.input_labels, controller.output_labels
     unnamed = [*(f"u[{k}]" for k in range(len(read))), *(f"y[{k}]" for k in range(len(driven)))]
@@ -200,50 +198,49 @@ def feedback_loop(
     *,
     delay: float = 0.0,
 ) -> control.StateSpace:
-    """Return the closed loop ``u = K y``; signals of plant and controller meet by name.
+    """Return the closed loop ``u = K y``, with signals of plant and controller matched by name.
 
-    A discrete controller makes a sampled loop.  A continuous plant then moves exactly from sample to sample, as in
-    :func:`boomctl.simulate_loop`: at a sample the controller reads the plant, just before its control changes; that control
-    acts ``delay`` later, and is held until the next one does.
+    A discrete controller defines a sampled loop.  A continuous plant is then discretized exactly, as in
+    :func:`boomctl.simulate_loop`: at a sample the controller reads the plant, just before its control changes; the new
+    control is applied ``delay`` later, and held until the next one is applied.
 
     Parameters
     ----------
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
-        :func:`boomctl.with_state_outputs` makes outputs of its states, for controllers that read these.
-    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
-        Its inputs are outputs of the plant, its outputs inputs of the plant. In the scales of the plant.
+        Plant with named signals.  A discrete plant requires a discrete controller with the same sampling time.
+        :func:`boomctl.with_state_outputs` adds its states as outputs, for controllers that read them.
+    controller : control.StateSpace, control.TransferFunction, or a design
+        Controller with ``u = K y``, in the scales of the plant. Signals are matched by name.
     injection_points : str or sequence of str, optional
         Controls and measurements at which a signal is injected, ``u = K (y + n) + v``: ``"force_injected"`` at ``"force"``.
     delay : float, optional
-        Between a sample and the moment its control acts [s]: whole samples, a part of one, or both; of whole samples where
-        the plant is discrete.  Only with a discrete controller.
+        Computation delay [s]: any number of samples, whole if the plant is discrete.  Requires a discrete-time controller.
 
     Returns
     -------
     control.StateSpace
-        Inputs: those of the plant that the controller does not drive, then those injected.  Outputs: those of the plant,
-        then the controls as the plant feels them (under their own names).  A sampled loop is discrete: its inputs are held
-        from sample to sample, its outputs are those just before the controls change, and its controls those that are sent
-        at a sample, which the plant feels ``delay`` later.
+        Inputs: those of the plant that the controller does not drive, then the injected signals.  Outputs: those of the
+        plant, then the control inputs of the plant (under their own names).  A sampled loop is discrete: its inputs are held
+        between samples, its outputs are those just before the controls change, and its controls are the controller outputs
+        at a sample, which the plant receives ``delay`` later.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; sampling times that differ or are not said; a delay that the loop cannot have; names that
-        do not meet; nothing left to drive the loop; a loop that is not well-posed.
+        If a system has an unsupported type, sampling times differ or are unspecified, the loop cannot have this delay, signal
+        names do not match, or the loop has no inputs or is not well-posed.
 
     Warns
     -----
     FeedbackSignWarning
-        If the loop is unstable with ``K`` and stable with ``-K``; of a loop of more than 200 states it is not checked.
+        If the loop is unstable with ``K`` and stable with ``-K``.  Loops of more than 200 states are not checked.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="position")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="position", outputs="force")
     >>> loop = bc.feedback_loop(mass, bc.discretize(lead, 0.05), "force", delay=0.02)
     >>> loop.input_labels, loop.dt, bool(abs(loop.poles()).max() < 1.0)
     (['force_injected'], 0.05, True)
@@ -262,28 +259,28 @@ def closed_loop_response(
     controller: control.StateSpace,
     omega: ArrayLike | None = None,
 ) -> control.FrequencyResponseData:
-    """Return the frequency response of the loop ``u = K y`` of a plant known by its frequency response.
+    """Return the frequency response of the loop ``u = K y`` for a plant known by its frequency response.
 
     Parameters
     ----------
     plant : control.FrequencyResponseData, or function from frequencies [rad/s] to it
-        Such as the response of an exact boom; its signals are named.
+        Frequency response with named signals, such as the response of an exact boom.
     controller : control.StateSpace
-        Its inputs are outputs of the plant, its outputs inputs of the plant.
+        Controller with ``u = K y``. Signals are matched by name.
     omega : array_like, optional
-        Angular frequencies [rad/s]; only with a function.
+        Angular frequencies [rad/s]. Requires a function as `plant`.
 
     Returns
     -------
     control.FrequencyResponseData
-        From the inputs that the controller does not drive to the plant's outputs and the controls.  It says nothing of
-        stability: see :func:`boomctl.analysis.nyquist_stability`.
+        From the inputs that the controller does not drive to the plant's outputs and the controls.  Stability is not checked:
+        see :func:`boomctl.analysis.nyquist_stability`.
 
     Raises
     ------
     TypeError, ValueError
-        Names that do not meet; no frequencies, or frequencies beside data that have their own; a loop with a pole at
-        a frequency asked for.
+        If signal names do not match, frequencies are missing or given in addition to those of data, or the loop has a pole at
+        a requested frequency.
 
     Examples
     --------
@@ -304,12 +301,12 @@ def closed_loop_response(
     acting, measured = signals_of(K, data.input_labels, data.output_labels)
     others = [i for i in range(data.ninputs) if i not in acting]
     if not others:
-        raise ValueError("the controller drives every input of the plant, and nothing drives the loop")
+        raise ValueError("the controller drives every input of the plant, so that the loop has no inputs")
     Kw = K.response(grid).transpose(2, 0, 1)
     try:
         u = np.linalg.solve(np.eye(len(acting)) - Kw @ G[:, measured][:, :, acting], Kw @ G[:, measured][:, :, others])
     except np.linalg.LinAlgError:
-        raise ValueError("the loop has a pole at one of the frequencies asked for") from None
+        raise ValueError("the loop has a pole at a requested frequency") from None
     z = np.concatenate([G[:, :, others] + G[:, :, acting] @ u, u], axis=1).transpose(1, 2, 0)
     inputs, outputs = [data.input_labels[i] for i in others], [*data.output_labels, *K.output_labels]
     return control.frd(z, grid, inputs=inputs, outputs=outputs, name="closed loop")
@@ -319,15 +316,15 @@ def named_response(
     plant: Callable[[Array], control.FrequencyResponseData] | control.FrequencyResponseData,
     omega: ArrayLike | None,
 ) -> control.FrequencyResponseData:
-    """Return the frequency response of a plant, whether it is data or a function of frequency; refused if not finite."""
+    """Return the finite frequency response of a plant, from data or a function of frequency."""
     data: Any = plant
     if is_frequency_response(plant) and omega is not None:
         raise ValueError("omega: frequency response data have their own frequencies; leave it out")
     if not is_frequency_response(plant):
-        ask = function_of("plant", plant, "the frequency, or FrequencyResponseData")
+        respond = function_of("plant", plant, "the frequency, or FrequencyResponseData")
         if omega is None:
-            raise ValueError("omega: expected frequencies at which to ask the plant's response")
-        data = ask(frequencies("omega", omega))
+            raise ValueError("omega: expected frequencies at which to evaluate the plant's response")
+        data = respond(frequencies("omega", omega))
         if not is_frequency_response(data):
             raise TypeError(f"plant: expected a function that returns FrequencyResponseData, got {type(data).__name__}")
     if not np.isfinite(np.asarray(data.frdata)).all():

@@ -1,12 +1,12 @@
 """Margins of feedback loops ``u = K y``: gain, phase and delay one loop at a time, and disk margins.
 
-A disk margin ``alpha`` says that every loop in question may be multiplied by any number, or stable system, in the disk
-with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inverse, all ``a < alpha``, all loops at once.  It is
+A disk margin ``alpha`` guarantees stability if all loops considered are multiplied simultaneously by any numbers, or stable
+systems, in the disk with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inverse, for all ``a < alpha``.  It is
 ``2/|S - T|`` in the H-infinity norm (Seiler, Packard & Gahinet 2020, IEEE Control Systems 40), here with a constant
-diagonal scaling, so that it does not depend on units, and the certified upper bound of that norm.
+diagonal scaling, so that it does not depend on units, and with the certified upper bound of the norm.
 
-A sampled loop is looked at through the bilinear map: on the imaginary axis of the image its response is that on the unit
-circle, so that gains, angles and disks are the same; frequencies are mapped back, and delays are of those.
+A sampled loop is evaluated through the bilinear transformation: on the imaginary axis of the image its response is that on
+the unit circle, so that gains, angles and disks are the same; frequencies are mapped back before delays are computed.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -41,16 +41,16 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
     from boomctl.structure.model import SecondOrderModel
 
-_COSTLY = 10.0 ** (-3.0 / 20.0)  # share of a disk margin that sampling must leave: 3 dB (a choice)
-_FAINTEST = 1e-9  # of L = 1 - 1/S: a factor above 1e9 or below 1e-9 is none
-# share of its size that the imaginary part of a real value may have, at a crossing found by its sign: a resonance so narrow
-# that the last digit of a frequency turns it by more is not told from a pole on the axis
+_COSTLY = 10.0 ** (-3.0 / 20.0)  # Warn if sampling reduces the disk margin by more than 3 dB.
+_FAINTEST = 1e-9  # Smallest L = 1 - 1/S of a gain limit: limits above 1e9 or below 1e-9 are ignored.
+# Largest imaginary part of L, relative to its modulus, at a crossing located by its sign.  A resonance with a larger value is
+# so narrow that rounding of the frequency does not distinguish it from a pole on the axis.
 _REAL = 1e-3
-_ACTIVE = 24  # frequencies at which a scaling is made good, those of the largest values found so far (a choice)
-_ROUNDS = 12  # of adding those where it is not; two or three do
-_SWEEPS = 50  # over rows and columns, to make them alike; few do, for the start of a search
-_SEARCHED = 30  # signals beyond which rows and columns are made alike and no more: a search takes tens of seconds
-_STEPS = 50  # of a search at most; a dozen does (a choice)
+_ACTIVE = 24  # Number of frequencies, those of the largest singular values, at which the first scaling is optimized.
+_ROUNDS = 12  # Largest number of added frequencies; two or three are typical.
+_SWEEPS = 50  # Sweeps over rows and columns to balance them, as the initial value of an optimization.
+_SEARCHED = 30  # Largest number of signals for an optimized scaling: it takes tens of seconds. Beyond, only balanced.
+_STEPS = 50  # Largest number of iterations of the optimization; a dozen is typical.
 
 
 @dataclass(frozen=True)
@@ -60,13 +60,13 @@ class DiskMargin:
     Attributes
     ----------
     alpha : float
-        The margin, at most 2; a lower bound of it, 0 if there is none, where ``verified`` is False.
+        Disk margin, at most 2; if ``verified`` is False a lower bound, or 0.
     omega : float
-        Frequency at which it is least [rad/s]; ``inf`` where it is the loop's own at high frequency.
+        Frequency of the smallest margin [rad/s]; ``inf`` for infinite frequency.
     verified : bool
-        Whether the norm is verified to one part in 1e5, rounding of the loop's matrices included.
+        True if the norm is verified to a relative 1e-5, rounding error of the loop's matrices included.
     certified : bool
-        Whether it is proved, too; a proof may run when this is first read.
+        True if the margin is also proved.  A proof may run on first access.
     """
 
     alpha: float
@@ -81,24 +81,24 @@ class DiskMargin:
 
     @property
     def certified(self) -> bool:
-        """Whether the margin is proved; a proof may run when this is first read."""
+        """True if the margin is proved.  A proof may run on first access."""
         return self.verified and self._norm.certified
 
     @property
     def _text(self) -> str:
-        """The margin as a value, as a lower bound, or as not found."""
+        """The margin as text: a value, a lower bound, or "not found"."""
         if self.verified:
             return f"{self.alpha:.4g}"
         return f">= {self.alpha:.4g}" if self.alpha > 0.0 else "not found"
 
     @property
     def gain_margin(self) -> float:
-        """Factor by which the gains may rise, and by which they may fall."""
+        """Factor by which the gains may increase or decrease."""
         return (2.0 + self.alpha) / (2.0 - self.alpha) if self.alpha < 2.0 * (1.0 - ALIKE) else inf
 
     @property
     def phase_margin_deg(self) -> float:
-        """Angle by which the phases may turn [degrees]."""
+        """Angle by which the phases may change [degrees]."""
         return float(np.degrees(2.0 * np.arctan(0.5 * self.alpha)))
 
 
@@ -109,26 +109,25 @@ class LoopMargin:
     Attributes
     ----------
     signal, location : str
-        Where the loop is opened; ``"control"`` or ``"measurement"``.
+        Signal at which the loop is opened; ``"control"`` or ``"measurement"``.
     gain_margin : (float, float)
-        The loop stays stable for factors between these; 0 and ``inf`` where there is no limit between 1e-9 and 1e9.
+        The loop remains stable for factors between these; 0 and ``inf`` without a limit between 1e-9 and 1e9.
     gain_margin_omega : (float, float)
-        Frequencies of the two limits [rad/s]; ``nan`` without.
+        Frequencies of the two limits [rad/s]; NaN without a limit.
     phase_margin_deg, phase_margin_omega : float
-        Least angle that makes it unstable [degrees], and where [rad/s]; ``inf`` and ``nan`` without a crossing of gain one.
+        Smallest destabilizing angle [degrees], and its frequency [rad/s]; ``inf`` and NaN without a gain crossover.
     delay_margin, delay_margin_omega : float
-        Least delay that makes the loop unstable [s], and the frequency there [rad/s]; 0 and ``inf`` if the gain of a
-        continuous loop at infinite frequency is at least one; ``inf`` and ``nan`` without a limit.  In a sampled loop
-        around a continuous plant it is an additional delay of this control or reading, of any fraction of a sample,
-        found on a grid of 32 parts of a sample and by bisection, not proved: a narrower range of delays that makes the
-        loop unstable may be missed.  Around a discrete plant it is the least ``tau`` for which ``L exp(-j omega tau)`` is
-        one at a gain crossover, at most one sample if the gain at half the sampling rate is at least one: all whole
-        samples below it are stable.
+        Smallest destabilizing delay [s], and its frequency [rad/s]; 0 and ``inf`` if the gain of a continuous loop at
+        infinite frequency is at least one; ``inf`` and NaN without a limit.  In a sampled loop with a continuous plant it is
+        an additional delay of this control or measurement, of any fraction of a sample.  It is computed on a grid of 32
+        delays per sample and by bisection, and is not proved: the search may overlook a narrower range of destabilizing
+        delays.  With a discrete plant it is the least ``tau`` for which ``L exp(-j omega tau)`` is one at a gain crossover,
+        at most one sample if the gain at half the sampling rate is at least one: all whole samples below it are stable.
     disk_margin : DiskMargin
-        Its disk margin.
+        Disk margin of this loop.
     rounding_error : float
-        How much rounding of the loop's matrices may change ``1/(1 - L)``, to first order: relative to it, or absolute
-        where it is below one.  Margins have no more digits than that leaves, gain limits near zero fewer.
+        Largest change of ``1/(1 - L)`` by rounding errors of the loop's matrices, to first order: relative, or absolute if
+        ``1/(1 - L)`` is below one.  The margins are accurate to this error, gain limits near zero are less accurate.
 
     Examples
     --------
@@ -168,15 +167,15 @@ class LoopMargin:
     @cached_property
     @one_blas_thread
     def loop_gain(self) -> tuple[Array, Array]:
-        """Frequencies [rad/s] and the loop's response ``L`` there, so dense that a Nyquist curve through them is smooth."""
+        """Frequencies [rad/s] and loop gain ``L``, so dense that the Nyquist curve is smooth."""
         S = self._sensitivity
         assert S is not None
         image = continuous_image(S)
         gain = opened(image)
         limits = [*self.gain_margin_omega, self.phase_margin_omega, self.delay_margin_omega, self.disk_margin.omega]
         poles = np.append(image.poles, [] if gain is None else gain.poles)
-        asked = np.append(omega_of_image(grid_of_loop(poles, places=DRAWN), S.dt), limits)
-        return smooth_curve(partial(_loop_response, S), np.unique(asked[np.isfinite(asked)]))
+        omega = np.append(omega_of_image(grid_of_loop(poles, places=DRAWN), S.dt), limits)
+        return smooth_curve(partial(_loop_response, S), np.unique(omega[np.isfinite(omega)]))
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw the loop's Nyquist curve around the critical point, and its margins.
@@ -184,14 +183,14 @@ class LoopMargin:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         **style
-            Of the curve, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.margins").plot_loop_margin(self, ax, **style)
 
@@ -205,7 +204,7 @@ class Margins:
     loops : tuple of LoopMargin
         One for each control, then one for each measurement.
     multiloop_input, multiloop_output, multiloop_io : DiskMargin
-        All controls at once; all measurements at once; both together.
+        Disk margins with all controls, all measurements, and all of both opened simultaneously.
     """
 
     loops: tuple[LoopMargin, ...]
@@ -215,7 +214,7 @@ class Margins:
     _loop: tuple[Lti, Lti | None] | None = field(default=None, repr=False, compare=False)
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved."""
+        """Yield the claims that can be proved."""
         if self._loop is not None:
             yield Claim("the closed loop", *self._loop, stable=True)
 
@@ -243,20 +242,20 @@ class Margins:
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw, one axes a loop; by default a new figure of pyplot.
+            Axes to draw on, one for each loop. If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes.
         """
         return import_module("boomctl.plotting.margins").plot_margins(self, ax, **style)
 
     @property
     def _disks(self) -> dict[str, DiskMargin]:
-        """The disk margins by where all loops are opened at once."""
+        """Disk margins by the signals at which the loops are opened simultaneously."""
         named = "at all controls", "at all measurements", "everywhere"
         return dict(zip(named, (self.multiloop_input, self.multiloop_output, self.multiloop_io), strict=True))
 
@@ -267,7 +266,7 @@ class Margins:
         return f"Margins: opened at {listed([x.signal for x in self.loops])}\n  least: {least}\n  disk {disks}"
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the metrics for a comparison."""
         figures = {
             "phase margin, least [deg]": min(x.phase_margin_deg for x in self.loops),
             "delay margin, least [s]": min(x.delay_margin for x in self.loops),
@@ -311,47 +310,47 @@ def margins(
     *,
     delay: float = 0.0,
 ) -> Margins:
-    """Return the margins of the loop ``u = K y``, signals found by name.
+    """Return the margins of the loop ``u = K y``, with signals matched by name.
 
     Parameters
     ----------
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The plant, signals named.  A discrete one needs a discrete controller of the same sampling time.
-        :func:`boomctl.with_state_outputs` makes outputs of its states, for controllers that read these.
-    controller : control.StateSpace, control.TransferFunction, or a design, which holds one
-        Its inputs are outputs of the plant, its outputs inputs of the plant.  A discrete one makes the sampled loop of
-        :func:`boomctl.feedback_loop`.  Its margins are those at the samples: of what is sent at a control, and of what
-        is read at a measurement.
+        Plant with named signals.  A discrete plant requires a discrete controller with the same sampling time.
+        :func:`boomctl.with_state_outputs` adds its states as outputs, for controllers that read them.
+    controller : control.StateSpace, control.TransferFunction, or a design
+        Controller with ``u = K y``. Signals are matched by name.  A discrete-time controller defines the sampled loop of
+        :func:`boomctl.feedback_loop`.  Its margins apply at the samples: to the controller outputs, and to the sampled
+        measurements.
     delay : float, optional
-        Time between a sample and the moment its control acts [s]; only with a discrete controller.
+        Computation delay [s].  Requires a discrete-time controller.
 
     Returns
     -------
     Margins
-        Gain, phase, delay and disk margins of each control and each measurement, and disk margins of all of them at once.
+        Gain, phase, delay and disk margins of each control and each measurement, and simultaneous disk margins.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, sampling times that differ or are not said, a delay that the loop cannot have, names that
-        do not meet, a loop that is not well-posed, or not stable.
+        If a system has an unsupported type, sampling times differ or are unspecified, the loop cannot have this delay, signal
+        names do not match, or the loop is not well-posed or not stable.
 
     Warns
     -----
     MarginAccuracyWarning
-        Rounding of the loop's matrices alone may change the response by more than one part in 1e5.
+        If rounding errors of the loop's matrices may change the response by more than a relative 1e-5.
     MarginLossWarning
-        Sampling and delay take more than 3 dB off the disk margin at all controls, or off that at all measurements.  The
-        loop is compared with that of the continuous plant and of the continuous controller whose Tustin discretisation
-        the discrete one is.  Where there is no such loop (a discrete plant, a pole at ``z = -1``, a continuous loop that is
-        not stable) nothing is compared.
+        If sampling and delay reduce the disk margin at all controls, or at all measurements, by more than 3 dB.  The
+        reference is the loop of the continuous plant and of the continuous controller whose Tustin discretization is the
+        discrete controller.  Without such a loop (discrete plant, pole at ``z = -1``, unstable continuous loop) nothing is
+        compared.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="position")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="position", outputs="force")
     >>> round(bc.margins(mass, lead)["force"].phase_margin_deg, 1)
     34.0
     >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_margin_deg, 1)  # sampling takes some
@@ -371,13 +370,13 @@ def margins(
     S = loop.sensitivity
     m, total, rounding = len(loop.controls), len(S.D), _rounding(S)
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
-        said = f"rounding of the loop's matrices alone may change its response by {most:.1g} of its size"
-        warn_user(f"{said}; scale the states", MarginAccuracyWarning)
+        text = f"rounding of the loop's matrices alone may change its response by {most:.1g} of its magnitude"
+        warn_user(f"{text}; scale the states", MarginAccuracyWarning)
     loops = []
     for i, name in enumerate(loop.controls + loop.measurements):
         further = least_further_delay(P, K, delay, i) if dt != 0.0 and P.dt == 0.0 else None
-        place = "control" if i < m else "measurement"
-        loops.append(_loop_margin(name, place, S.between([i], [i]), float(rounding[i]), further))
+        where = "control" if i < m else "measurement"
+        loops.append(_loop_margin(name, where, S.between([i], [i]), float(rounding[i]), further))
     disks = _disks(S, [range(m), range(m, total), range(total)], rounding)
     if dt != 0.0:
         costs = [
@@ -386,17 +385,17 @@ def margins(
             if now.alpha < of.alpha * _COSTLY
         ]
         if costs:
-            said = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
-            warn_user(said, MarginLossWarning)
-    handed = (loop.plant, K) if P.dt == K.dt and not delay else (loop.system, None)
-    return Margins(tuple(loops), disks[0], disks[1], disks[2], handed)
+            text = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
+            warn_user(text, MarginLossWarning)
+    original = (loop.plant, K) if P.dt == K.dt and not delay else (loop.system, None)
+    return Margins(tuple(loops), disks[0], disks[1], disks[2], original)
 
 
 def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
-    """Return the disk margins at all controls and at all measurements before sampling; none where that cannot be said.
+    """Return the disk margins at all controls and at all measurements of the loop before sampling; empty without a loop.
 
-    Before sampling the controller is the one whose Tustin discretisation is given.  None of a discrete plant, of a pole of
-    the controller at ``z = -1``, and of a loop that is not well-posed or not stable.
+    The controller before sampling is the one whose Tustin discretization is ``K``.  The result is empty for a discrete plant,
+    a controller with a pole at ``z = -1``, and a loop that is not well-posed or not stable.
     """
     try:
         loop = joined(P, continuous_image(K)) if P.dt == 0.0 else None
@@ -409,7 +408,7 @@ def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
 
 
 def _rounding(S: Lti) -> Array:
-    """Return by how much rounding of the entries may change each signal's sensitivity at the least damped resonances."""
+    """Return the largest change of each signal's sensitivity by rounding errors of the entries, at DC and resonances."""
     omega = np.append(0.0, least_damped(S.rates))
     size = np.abs(S.response(omega, quiet=True).diagonal()).max(axis=0)
     off = [rounding_of(S.between([i], [i]), omega) for i in range(len(S.D))]
@@ -417,7 +416,7 @@ def _rounding(S: Lti) -> Array:
 
 
 def _disks(S: Lti, groups: Sequence[Sequence[int]], rounding: Array) -> list[DiskMargin]:
-    """Return the disk margins of groups of signals; ``rounding`` is that of each signal's sensitivity."""
+    """Return the disk margins of groups of signals; ``rounding`` is the rounding error of each signal's sensitivity."""
     grid = grid_of_loop(S.rates, S.nyquist, points=SEARCHED)
     G = S.response(grid, quiet=True) if len(S.D) > 1 else np.ones((1, 1, 1))
     return [
@@ -432,9 +431,9 @@ def _disk(S: Lti, rounding: float, G: Array | None = None) -> DiskMargin:
     ``G`` is its response at some frequencies, if it has several signals.
 
     The largest singular value is convex in the logarithm of a diagonal scaling.  It is minimized over the frequencies at
-    which it is largest, and those added at which the scaling found makes it larger still, until there are none.  With very
-    many signals rows and columns are only made alike: whatever the scaling, the margin holds.  It is verified where rounding
-    of the loop's matrices changes the sensitivity by less than a norm is certified to.
+    which it is largest; frequencies at which the optimized scaling yields a larger value are added, until there are none.
+    With very many signals rows and columns are only balanced.  The margin is valid for any scaling.  It is verified if
+    rounding errors of the loop's matrices change the sensitivity by less than the certified accuracy of a norm.
     """
     n, eye = len(S.D), np.eye(len(S.D))
     T = replace(S, C=2.0 * S.C, D=2.0 * S.D - eye)
@@ -455,18 +454,18 @@ def _disk(S: Lti, rounding: float, G: Array | None = None) -> DiskMargin:
 
 
 def single_disk(S: Lti) -> DiskMargin:
-    """Return the disk margin of a loop of one signal, whose sensitivity is given."""
+    """Return the disk margin of a loop of one signal from its sensitivity."""
     return _disk(S, float(_rounding(S)[0]))
 
 
 def _scaled_norm(system: Lti, log: Array) -> NormBounds:
-    """Return the norm of a system whose outputs are scaled, and its inputs by the inverse."""
+    """Return the norm of a system with scaled outputs and inversely scaled inputs."""
     d = np.exp(np.append(log, 0.0))
     return matrices_norm(replace(system, B=system.B / d, C=d[:, None] * system.C, D=d[:, None] * system.D / d))
 
 
 def _leveled(G: Array) -> Array:
-    """Return the logarithm of a scaling that makes rows and columns alike, all but the last, whose is zero."""
+    """Return the logarithm of a scaling that balances rows and columns, without the last entry, which is zero."""
     size, log = np.abs(G).max(axis=2), np.zeros(len(G))
     for _ in range(_SWEEPS):
         for i in range(len(G)):
@@ -483,12 +482,12 @@ def _scaled_values(log: Array, G: Array) -> Array:
 
 
 def _least(G: Array, start: Array) -> tuple[Array, float]:
-    """Return a scaling that makes the largest singular value of a response small, from a start, and that value.
+    """Return a scaling that minimizes the largest singular value of a response, from an initial one, and that value.
 
-    It is the least number that none of the two largest singular values exceeds at any of the frequencies: these are smooth
-    where the largest of all has a kink.  A scaling beyond the inverse of rounding changes nothing any more.
+    The problem minimizes an upper bound of the two largest singular values at all frequencies: these are smooth where their
+    maximum is not.  The scaling is limited to the inverse of the rounding unit.
     """
-    from scipy import optimize  # long to import; a loop of one signal does not come here
+    from scipy import optimize  # slow import, not needed for a loop of one signal
 
     unit, ends = float(_scaled_values(start, G).max()), -np.log(EPS)
     n, bounds = len(start), [*((log - ends, log + ends) for log in start), (0.0, None)]
@@ -497,10 +496,10 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
     def known(log: bytes) -> tuple[Array, Array]:
         d = np.exp(np.append(np.frombuffer(log), 0.0))
         U, values, Vh = np.linalg.svd((d[:, None, None] * G / d[None, :, None]).transpose(2, 0, 1))
-        slopes = values[:, :2, None] * (np.abs(U.swapaxes(1, 2)) ** 2 - np.abs(Vh) ** 2)[:, :2, :-1]
-        return values[:, :2].ravel() / unit, slopes.reshape(-1, n) / unit
+        jacobian = values[:, :2, None] * (np.abs(U.swapaxes(1, 2)) ** 2 - np.abs(Vh) ** 2)[:, :2, :-1]
+        return values[:, :2].ravel() / unit, jacobian.reshape(-1, n) / unit
 
-    room = {
+    constraint = {
         "type": "ineq",
         "fun": lambda x: x[-1] - known(x[:-1].tobytes())[0],
         "jac": lambda x: np.insert(-known(x[:-1].tobytes())[1], n, 1.0, axis=1),
@@ -511,16 +510,16 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
         jac=lambda _: np.eye(n + 1)[-1],
         method="SLSQP",
         bounds=bounds,
-        constraints=room,
+        constraints=constraint,
         options={"maxiter": _STEPS, "ftol": ALIKE},
     )
     return result.x[:-1], float(_scaled_values(result.x[:-1], G).max())
 
 
 def grid_of_loop(poles: Array, top: float = inf, **density: Any) -> Array:
-    """Return frequencies up to a highest one that show the resonances of poles, or rates, [rad/s].
+    """Return frequencies [rad/s] up to ``top`` that resolve the resonances of poles or rates.
 
-    ``density`` as of :func:`boomctl.lti.frequency.resonance_grid`.
+    For ``density`` see :func:`boomctl.lti.frequency.resonance_grid`.
     """
     poles = poles[resolved(poles) & np.isfinite(poles)]
     size = np.abs(poles) if len(poles) else np.array(EMPTY)
@@ -528,7 +527,7 @@ def grid_of_loop(poles: Array, top: float = inf, **density: Any) -> Array:
 
 
 def opened(S: Lti) -> Lti | None:
-    """Return ``L = 1 - 1/S``; None where ``S`` is zero at infinite frequency, and ``L`` infinite."""
+    """Return ``L = 1 - 1/S``; None if ``S`` is zero at infinite frequency, so that ``L`` is infinite."""
     d = float(S.D[0, 0])
     if abs(d) <= SUMMED:
         return None
@@ -541,7 +540,7 @@ def _loop_response(S: Lti, omega: Array) -> Array:
         return 1.0 - 1.0 / S.response(omega, quiet=True)[0, 0]
 
 
-def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: tuple[float, float] | None) -> LoopMargin:
+def _loop_margin(signal: str, where: str, S: Lti, rounding: float, further: tuple[float, float] | None) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``.
 
     ``further`` is the delay margin of a sampled loop around a continuous plant, and its frequency.
@@ -557,14 +556,14 @@ def _loop_margin(signal: str, place: str, S: Lti, rounding: float, further: tupl
     phase, delays = _phase_limits(image, respond, last, dt)
     delay = min(delays, default=(inf, nan)) if further is None else further
     low_omega, high_omega, phase_omega = omega_of_image([low[1], high[1], phase[1]], dt).tolist()
-    gains, places = (low[0], high[0]), (low_omega, high_omega)
-    return LoopMargin(signal, place, gains, places, phase[0], phase_omega, *delay, _disk(S, rounding), rounding, S)
+    gains, omega = (low[0], high[0]), (low_omega, high_omega)
+    return LoopMargin(signal, where, gains, omega, phase[0], phase_omega, *delay, _disk(S, rounding), rounding, S)
 
 
 def _gain_limits(
     S: Lti, respond: Callable[[Array], Array], last: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the limits of the factor, each with its frequency: where ``L`` is real and positive, it is ``1/L``."""
+    """Return the gain limits with their frequencies: ``1/L`` at frequencies of real and positive ``L``."""
     omega = np.append(0.0, real_crossings(S, respond))
     values = respond(omega)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -581,19 +580,19 @@ def _gain_limits(
 def _phase_limits(
     S: Lti, respond: Callable[[Array], Array], last: float, dt: float
 ) -> tuple[tuple[float, float], list[tuple[float, float]]]:
-    """Return the least angle [degrees] from ``L`` to one, where ``|L| = 1``, and the delays [s], each with its frequency.
+    """Return the smallest angle [degrees] from ``L`` to one at ``|L| = 1``, and the delays [s], with their frequencies.
 
-    Of an image, the angle with its frequency in the image, and the delay with that of the loop itself.
+    For an image, the frequency of the angle is that in the image, and those of the delays are the loop's own.
     """
     omega = unit_crossings(S, respond)
     angles, turning = np.angle(1.0 - 1.0 / respond(omega)).tolist(), omega_of_image(omega, dt).tolist()
     phases = [(float(np.degrees(abs(angle))), at) for angle, at in zip(angles, omega.tolist(), strict=True)]
-    # A delay does nothing at rest.
+    # A delay has no effect at DC.
     delays = [(angle % (2.0 * np.pi) / at, at) for angle, at in zip(angles, turning, strict=True) if at > 0.0]
     if abs(abs(last) - 1.0) <= ALIKE:
         phases.append((float(np.degrees(abs(np.angle(last)))), inf))
     if abs(last) >= 1.0 - ALIKE:
-        # Continuous: a delay turns the phase by any angle at some high frequency. Discrete: with `P` poles of `L` outside the
+        # Continuous: at some high frequency a delay shifts the phase by any angle. Discrete: for `P` poles of `L` outside the
         # unit circle, a stable loop has winding number `P` of `1 - L`; one sample of delay adds a real pole beyond z = -1.
         delays = [(0.0, inf)] if dt == 0.0 else [*delays, (dt, np.pi / dt)]
     return min(phases, key=lambda limit: limit[0], default=(inf, nan)), delays

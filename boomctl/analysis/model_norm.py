@@ -1,7 +1,8 @@
-"""H-infinity norms of structures and state-space systems, and structures seen through their halves.
+"""H-infinity norms of structures and state-space systems, with the split of symmetric structures.
 
-A symmetric structure stands as its two halves, whose singular values together are its own.  The state space of each is that
-of its undamped modes, where it has them, or of its own coordinates; the response at its peak comes from its matrices.
+A symmetric structure is represented by its two subsystems, whose singular values together are those of the structure.  The
+state space of each is in its undamped modes, if it has real modes, or in its own coordinates; the response at the peak is
+computed from the structure's matrices.
 """
 
 from dataclasses import dataclass, replace
@@ -36,27 +37,26 @@ if TYPE_CHECKING:
 
     LinearSystem = SecondOrderModel | control.StateSpace | control.TransferFunction | control.FrequencyResponseData
 
-_SPARE = 3  # Modes asked for beyond these, so that as many are left without the rigid ones of a plane body.
-# Coordinates up to which halves cost one norm more than they save: each needs its modes (measured).
+_SPARE = 3  # Additional modes: the number of rigid-body modes of a planar body.
+# Largest number of coordinates for which the split is not used: the modes of both subsystems take longer than one norm.
 _WHOLE = 24
-# Ratio of the fastest rate to the lowest elastic frequency beyond which no state space holds both.
+# Ratio of the fastest rate to the lowest elastic frequency beyond which no state space represents both.
 _HELD = 1e12
-_WIDE = 1e7  # Ratio of a band's last mode to its lowest: beyond, it ends below (a choice).
+_WIDE = 1e7  # Largest ratio of a band's last mode to its lowest mode.
 
 
 @one_blas_thread
 def hinf_norm(system: "LinearSystem") -> NormBounds:
     """Return the certified H-infinity norm of a linear system; infinite if it is not stable.
 
-    Poles on the imaginary axis count only if they show in the response (undamped or integrating modes).  Of a discrete
-    system it is the largest singular value on the unit circle, and such poles are those on the circle.
+    Poles on the imaginary axis (undamped or integrating modes) count only if they contribute to the response.  For a discrete
+    system, the unit circle replaces the imaginary axis.
 
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace, control.TransferFunction or control.FrequencyResponseData
-        The system, from all its inputs to all its outputs; a boom model without selected signals from its platform
-        actuators to its tips, as in :func:`sigma`.  Of frequency response data the largest value on their grid is returned,
-        which certifies nothing.
+        System, from all inputs to all outputs; a boom model without selected signals from platform actuators to tips, as in
+        :func:`sigma`.  For frequency response data the largest value on their grid is returned, without an upper bound.
 
     Returns
     -------
@@ -66,32 +66,32 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite.
+        If `system` has an unsupported type, an unspecified sampling time, or an entry that is not finite.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
-    >>> norm = bc.hinf_norm(swing)
+    >>> oscillator = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    >>> norm = bc.hinf_norm(oscillator)
     >>> round(norm.lower_bound, 2), round(norm.peak_omega, 3), bool(norm.certified)
     (10.01, 0.997, True)
     """
     if isinstance(system, SecondOrderModel):
         system = system.between()
-        # where a pole does not decay exact arithmetic tells, whose time grows with the fourth power of the states
+        # If a pole is not stable, exact arithmetic decides, whose run time grows with the fourth power of the states.
         if system.ncoordinates <= _WHOLE and (system._modal_form.eigensystem[0].real < 0.0).all():
             result = SplitModel(system, (system,)).norm()
             return result if result.status == "certified" else norm_of(system)
         return norm_of(system)
     if is_frequency_response(system):
         return norm_of(system)
-    handed = of(system, sampled=True)
-    return replace(norm_of(handed.balanced()), _given=handed)
+    plain = of(system, sampled=True)
+    return replace(norm_of(plain.balanced()), _given=plain)
 
 
 def norm_of(system: Any) -> NormBounds:
-    """Return the H-infinity norm of a structure, a balanced ``Lti`` or data, all signals of which are meant."""
+    """Return the H-infinity norm of a structure, a balanced ``Lti`` or data, between all signals."""
     if is_frequency_response(system):
         return norm_of_data(np.asarray(system.omega, dtype=float), np.asarray(system.frdata))
     if isinstance(system, SecondOrderModel):
@@ -101,14 +101,14 @@ def norm_of(system: Any) -> NormBounds:
 
 @dataclass(frozen=True)
 class SplitModel:
-    """A model and the parts whose singular values together are its own: its two halves if it splits, or itself."""
+    """Model with the parts whose singular values together are those of the model: two subsystems, or the model itself."""
 
     model: SecondOrderModel
     parts: tuple[SecondOrderModel, ...]
 
     @classmethod
     def of(cls, model: SecondOrderModel) -> "SplitModel":
-        """Return a model with its parts; a half without inputs or outputs is none."""
+        """Return a model with its parts; a subsystem without inputs or outputs is omitted."""
         return cls(model, (model,) if model._halves is None else model._halves)
 
     def singular_values(self, omega: Array) -> Array:
@@ -125,17 +125,17 @@ class SplitModel:
 
     @cached_property
     def poles(self) -> Array:
-        """The poles of all parts [rad/s]."""
+        """Poles of all parts [rad/s]."""
         return np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
 
     def resonances(self, high: float | None = None) -> Resonances:
-        """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], and a band that shows them."""
+        """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], with their frequency range."""
         parts = self.parts if len(self.parts) == 2 else (self.model,)
         try:
-            found = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
+            modes = [undamped_modes(part.structure, min(MODES + _SPARE, part.ncoordinates))[0] for part in parts]
         except ValueError:  # no real modes
-            found = [np.zeros(0)]
-        frequencies = np.sort(np.concatenate(found))
+            modes = [np.zeros(0)]
+        frequencies = np.sort(np.concatenate(modes))
         shown = frequencies[frequencies > 0.0][:MODES]
         shown = shown[shown <= _WIDE * shown[:1]]
         if not len(shown):
@@ -150,13 +150,13 @@ class SplitModel:
         Raises
         ------
         ValueError
-            A response that is not proper (an output that needs a derivative of an input).
+            If the response is not proper (an output needs a derivative of an input).
         """
         if not self.parts:
             return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, ("halves",), verified=True, _proved=True, _given=self.model)
         bounded = [(Bounded() if _is_wide(part) else bounds(part._modal_form), part) for part in self.parts]
         norms: list[NormBounds] = []
-        # Of a part whose bound is below the norm of another one nothing else is asked.
+        # Skip a part whose bound is below the norm of another part.
         for most, part in sorted(bounded, key=lambda item: -item[0].norm):
             if not norms or most.norm > norms[0].lower_bound:
                 norms.append(_part_norm(part, most))
@@ -166,7 +166,7 @@ class SplitModel:
         return replace(
             largest,
             upper_bound=widest.upper_bound,
-            method=largest.method if verified else widest.method,  # Why it is not verified.
+            method=largest.method if verified else widest.method,  # Reason why it is not verified.
             stages=(*(() if self.parts == (self.model,) else ("halves",)), *map(_coordinates_of, self.parts)),
             verified=verified,
             _proved=all(norm._proved for norm in norms),
@@ -175,11 +175,11 @@ class SplitModel:
 
 
 def _part_norm(part: SecondOrderModel, bounded: Bounded) -> NormBounds:
-    """Return the norm of a part; not verified where no state space holds its fastest motions beside the slowest ones."""
+    """Return the norm of a part; not verified if no state space represents its fastest and its slowest motions."""
     if not _is_wide(part):
         return matrices_norm(part._modal_form, partial(_response, part), bounded)
-    found = SplitModel(part, (part,)).resonances()
-    grid = resonance_grid(found.poles, found.low, found.high, points=SEARCHED)
+    band = SplitModel(part, (part,)).resonances()
+    grid = resonance_grid(band.poles, band.low, band.high, points=SEARCHED)
     peak, at = highest_peak(lambda omega: singular_values(_response(part, omega))[0], grid)
     return NormBounds(peak, inf, at, LOST)
 
@@ -198,12 +198,12 @@ def _poles(part: SecondOrderModel) -> Array:
     try:
         wide = part.structure.strain_form if _is_wide(part) else None
         return part._modal_form.poles if wide is None else wide.poles()
-    except ValueError:  # An output that needs a derivative of an input: its norm is refused, not its response.
+    except ValueError:  # An output needs a derivative of an input: the norm is not defined, but the response is.
         return first_order_poles(part.M, part.C, part.K)
 
 
 def _coordinates_of(part: SecondOrderModel) -> str:
-    """Return over which coordinates the state space of a structure is."""
+    """Return the coordinates of a structure's state space as text."""
     try:
         _ = part.structure.strain_form or undamped_modes(part.structure)
     except ValueError:
@@ -212,10 +212,10 @@ def _coordinates_of(part: SecondOrderModel) -> str:
 
 
 def _response(part: SecondOrderModel, omega: Array) -> Array:
-    seen = np.maximum(omega, beside(np.zeros(1))) if any(part.ports.integrators) else omega
+    points = np.maximum(omega, beside(np.zeros(1))) if any(part.ports.integrators) else omega
     try:
-        return direct_response(part.structure, part.ports, seen)
-    except ValueError:  # one of the frequencies is that of an undamped mode, which may not show
-        if len(seen) == 1:
-            return direct_response(part.structure, part.ports, beside(seen))
-    return np.concatenate([_response(part, seen[k : k + 1]) for k in range(len(seen))], axis=2)
+        return direct_response(part.structure, part.ports, points)
+    except ValueError:  # A frequency is that of an undamped mode, which may not contribute.
+        if len(points) == 1:
+            return direct_response(part.structure, part.ports, beside(points))
+    return np.concatenate([_response(part, points[k : k + 1]) for k in range(len(points))], axis=2)

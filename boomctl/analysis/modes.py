@@ -1,11 +1,11 @@
-"""Mode tables: frequency, damping, and which actuator and which sensor sees a mode.
+"""Mode tables: frequency, damping, and participation of inputs and outputs.
 
-What a mode contributes to the response from input ``i`` to output ``o`` peaks, seen by itself, at ``|c_o| |b_i|/|Re p|``.
-A signal's share in a mode is that contribution against the largest of all modes between the same two signals: it depends
-neither on units, nor on the coordinates, nor on how signals are ordered.  An undamped mode has
-share 1 where it shows at all.  In discrete time a mode ``z`` peaks at ``|c_o| |b_i|/(1 - |z|)``; its frequency and damping
-are those of the rate ``log(z)/dt``, which in continuous time decays and turns alike from sample to sample.  Rigid bodies
-and integrators are undamped modes at zero; several of them show together, for nothing tells equal poles apart.
+The contribution of a mode to the response from input ``i`` to output ``o`` has a peak of ``|c_o| |b_i|/|Re p|``.  The
+participation of a signal in a mode is this peak relative to the largest modal peak between the same two signals: it is
+independent of units, coordinates and the order of signals.  An undamped mode that contributes has participation 1.  In
+discrete time a mode ``z`` has a peak of ``|c_o| |b_i|/(1 - |z|)``; its frequency and damping are those of the rate
+``log(z)/dt``, which in continuous time has the same values at the samples.  Rigid bodies and integrators are undamped modes
+at zero; several of them have a common participation, because equal poles cannot be distinguished.
 """
 
 from dataclasses import dataclass
@@ -27,29 +27,28 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-# share of the largest residue between two signals up to which an undamped mode does not show (a choice)
+# Residue of an undamped mode, relative to the largest one between two signals, up to which it does not contribute.
 _HIDDEN = 1e-10
-_WIDE = 20  # characters of a pole z in a table
-_SHARES = "signals in %: peak of the mode over that of the highest mode, with the other signal that shows it most"
+_WIDE = 20  # Width of a pole z in a table, in characters.
+_CAPTION = "signals in %: peak of the mode over that of the highest mode, with the other signal that shows it most"
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One mode: a pair of complex poles, or a real pole.
+    """Mode: a pair of complex poles, or a real pole.
 
     Attributes
     ----------
     pole : complex
-        The pole, of a pair that of non-negative imaginary part [rad/s]; in discrete time the rate ``log(z)/dt``, ``-inf`` for
+        Pole [rad/s], of a pair the one with positive imaginary part; in discrete time the rate ``log(z)/dt``, ``-inf`` for
         ``z = 0``.
     input_participation, output_participation : (m,) and (p,) ndarray
-        From 0 to 1: how much of the largest modal peak between an input and any output (an output and any input) this
-        mode makes.
+        From 0 to 1: modal peak relative to the largest modal peak between an input and any output (an output and any input).
     modal_peaks : (p, m) ndarray
         ``|c_o| |b_i|/|Re p|`` in units of output over input, in discrete time ``|c_o| |b_i|/|1 - |z||``; ``inf`` for an
-        undamped mode that shows.
+        undamped mode that contributes.
     z : complex or None
-        The pole in discrete time; None in continuous time.
+        Pole in discrete time; None in continuous time.
     """
 
     pole: complex
@@ -84,15 +83,15 @@ class Mode:
 
 @dataclass(frozen=True)
 class ModeTable:
-    """Modes in ascending natural frequency, and the signals they were asked for.
+    """Table of modes in ascending natural frequency.
 
     Attributes
     ----------
     input_labels, output_labels : tuple of str
-        Names of the signals, in the order of the shares.
+        Names of the signals, in the order of the participations.
     rows : tuple of Mode
-        The modes, in ascending natural frequency.  Free bodies, at 0 rad/s, have a share of one where they show, and do
-        not count as the highest mode of the others.
+        Modes in ascending natural frequency.  Rigid-body modes, at 0 rad/s, have a participation of one if they contribute,
+        and are not the highest mode for other modes.
     """
 
     input_labels: tuple[str, ...]
@@ -109,36 +108,36 @@ class ModeTable:
         return "\n".join([*lines, f"  ... {more} more: print(table)"] if more else lines)
 
     def _cells(self) -> list[list[str]]:
-        """Return the modes as text: [rad/s], [Hz], damping [%], of a discrete system z, shares of the signals [%]."""
+        """Return the modes as text: [rad/s], [Hz], damping [%], ``z`` of a discrete system, participations [%]."""
         result = []
         for r in self.rows:
             z = [] if r.z is None else [_z(r.z)]
-            shares = [f"{100.0 * share:.1f}" for share in (*r.input_participation, *r.output_participation)]
-            result.append([f"{r.omega:.6g}", f"{r.frequency_hz:.4g}", f"{100.0 * r.damping_ratio:.4g}", *z, *shares])
+            signals = [f"{100.0 * value:.1f}" for value in (*r.input_participation, *r.output_participation)]
+            result.append([f"{r.omega:.6g}", f"{r.frequency_hz:.4g}", f"{100.0 * r.damping_ratio:.4g}", *z, *signals])
         return result
 
     def _repr_html_(self) -> str:
         signals = (f"{name} [%]" for name in (*self.input_labels, *self.output_labels))
-        return table_html(f"Modes; {_SHARES}", [*self._heads, *signals], self._cells())
+        return table_html(f"Modes; {_CAPTION}", [*self._heads, *signals], self._cells())
 
     def to_string(self, count: int | None = None) -> str:
-        """Return the modes as text, shares in per cent.
+        """Return the modes as text, participations in percent.
 
         Parameters
         ----------
         count : int, optional
-            How many modes, from the slowest; by default all.
+            Number of modes, from the slowest. If None, all modes.
 
         Returns
         -------
         str
-            What the columns of the signals are, their heads, and one line for each mode.
+            Caption, column heads, and one line for each mode.
         """
         heads, names = self._heads, (*self.input_labels, *self.output_labels)
         wide = [*(13, 7, 11, _WIDE)[: len(heads)], *(max(len(name), 6) for name in names)]
         lines = [[*heads, *names], *self._cells()[:count]]
         rows = ("".join(f"  {cell:>{w}}" for cell, w in zip(x, wide, strict=True)) for x in lines)
-        return "\n".join([_SHARES, *rows])
+        return "\n".join([_CAPTION, *rows])
 
     def to_pandas(self) -> DataFrame:
         """Return the modes as a data frame of pandas.
@@ -146,7 +145,7 @@ class ModeTable:
         Returns
         -------
         pandas.DataFrame
-            One row a mode, from 1; frequency, damping, and shares of the signals, from 0 to 1.
+            One row for each mode, numbered from 1; frequency, damping, and participations from 0 to 1.
         """
         heads = ["omega", "frequency_hz", "damping_ratio", "z"][: len(self._heads)]
         rows = [[*(getattr(r, n) for n in heads), *r.input_participation, *r.output_participation] for r in self.rows]
@@ -159,14 +158,14 @@ class ModeTable:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         **style
-            Of the marks, as matplotlib's lines take it.
+            Marker properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.looking").plot_mode_table(self, ax, **style)
 
@@ -182,25 +181,25 @@ def _z(z: complex) -> str:
 
 @one_blas_thread
 def mode_table(system: "SecondOrderModel | control.StateSpace | control.TransferFunction") -> ModeTable:
-    """Return the modes of a system, and how well each input moves and each output shows them.
+    """Return the modes of a system with their input and output participation.
 
-    Poles ``z`` of a discrete system stand beside their rates ``log(z)/dt``, whose frequency and damping they have.
+    For a discrete system, frequency and damping are those of the rate ``log(z)/dt`` of a pole ``z``; the table shows both.
 
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The system.
+        System to evaluate.
 
     Returns
     -------
     ModeTable
-        One row for each mode, in ascending natural frequency: pole, frequency, damping, and shares of inputs and outputs.
+        One row for each mode, in ascending natural frequency: pole, frequency, damping, and participations.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time that does not say its sampling time, not finite; poles without
-        eigenvectors of their own that are not at rest (equal poles in a chain, critical damping).
+        If `system` has an unsupported type, an unspecified sampling time or an entry that is not finite, or if it has
+        defective poles other than integrators (equal poles in a chain, critical damping).
 
     Examples
     --------
@@ -209,13 +208,13 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     >>> [(round(mode.frequency_hz, 3), round(mode.damping_ratio, 4)) for mode in table.rows[:2]]
     [(0.245, 0.0014), (0.587, 0.0214)]
     """
-    given = system._modal_form if isinstance(system, SecondOrderModel) else of(system, sampled=True)
-    chain, rest = _rigid(given.balanced())
+    plain = system._modal_form if isinstance(system, SecondOrderModel) else of(system, sampled=True)
+    chain, rest = _rigid(plain.balanced())
     modal = diagonalized(rest)
     if modal is None:
         raise ValueError("system: it has poles without eigenvectors of their own (a chain of equals, critical damping)")
     chosen = np.flatnonzero(modal.poles.imag >= 0.0)
-    dt, rates = given.dt, rates_of(modal.poles, given.dt)
+    dt, rates = plain.dt, rates_of(modal.poles, plain.dt)
     chosen = chosen[np.argsort(np.abs(rates[chosen]), kind="stable")]
     residues = np.abs(modal.C[:, chosen]).T[:, :, None] * np.abs(modal.B[chosen])[:, None, :]
     poles, undamped = modal.poles[chosen], (sides(modal.poles, dt) == 0)[chosen, None, None]
@@ -223,21 +222,22 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     shown = residues > _HIDDEN * residues.max(axis=0, initial=TINY)
     peaks = np.where(undamped, np.where(shown, np.inf, 0.0), residues / np.where(undamped, 1.0, decay[:, None, None]))
     largest = peaks.max(axis=0, initial=0.0)
-    # free bodies come first, and do not count as the highest mode
+    # Rigid-body modes are the first rows, and do not count as the highest mode.
     count = len(chain)
     peaks = np.concatenate([np.tile(np.where(chain.any(axis=0), np.inf, 0.0), (count, 1, 1)), peaks])
     with np.errstate(invalid="ignore", divide="ignore"):
-        shares = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
-    inputs, outputs = (shares.max(axis=axis, initial=0.0) for axis in (1, 2))
+        fractions = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))
+    inputs, outputs = (fractions.max(axis=axis, initial=0.0) for axis in (1, 2))
     rates, poles = np.concatenate([np.zeros(count), rates[chosen]]), np.concatenate([np.ones(count), poles])
     rows = zip(map(complex, rates), inputs, outputs, peaks, map(complex, poles) if dt else repeat(None), strict=False)
-    return ModeTable(given.input_labels, given.output_labels, tuple(Mode(*row) for row in rows))
+    return ModeTable(plain.input_labels, plain.output_labels, tuple(Mode(*row) for row in rows))
 
 
 def _rigid(system: Lti) -> tuple[Array, Lti]:
-    """Return rigid bodies and integrators, where there are several poles at rest, and the rest of a balanced system.
+    """Return rigid bodies and integrators, if several poles are at zero, and the rest of a balanced system.
 
-    Their poles are equal, so that a chain of them shows as one.  The first value says, for each power of time, where it does.
+    Their poles are equal, so that a chain of them has a common participation.  The first value is a mask of the signals to
+    which it contributes, for each power of time.
     """
     parts = without_integrators(system)
     B, C = parts.retained.B, parts.retained.C

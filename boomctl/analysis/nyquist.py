@@ -1,8 +1,8 @@
-"""Stability of a loop whose plant is known only by its frequency response, such as one with an exact beam.
+"""Stability of a loop whose plant is known only by its frequency response, such as a boom with exact beams.
 
-The winding of ``det(I - G(jw) K(jw))`` about zero counts the unstable poles of the loop (Nyquist).  It is followed along
-the axis in steps that are halved until the phase turns little in each and turns the same when they are halved again.
-Beyond a frequency at which ``|G K| < 1`` for good it cannot wind any more.
+The winding number of ``det(I - G(jw) K(jw))`` about zero yields the unstable poles of the loop (Nyquist).  The determinant
+is evaluated along the axis in steps that are halved until its phase changes little in a step and in its halves, and its value
+at the midpoint is near the chord.  Above a frequency from which on ``|G K| < 1``, the determinant does not wind any more.
 """
 
 from __future__ import annotations
@@ -26,40 +26,40 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-# most that the phase may turn in a step and in its halves: six of them cannot hide a turn (a choice)
+# Largest change of the phase in a step and in its halves.
 _STEP = np.deg2rad(30.0)
-# how far the middle of a step may lie off its chord, of the lesser end: the phase is followed, not guessed
+# Largest distance of the value at a step's midpoint from the chord, relative to the smaller end value.
 _STRAIGHT = 0.2
-_HALVINGS = 40  # of a step: beyond a trillionth of it the loop has a pole on the axis
-_SMALL = 0.5  # loop gain that counts as below one for good (a choice)
-_DECADES = 2.0  # over which it is computed for that (a choice)
-_WIDER = 1.5  # by how much the search goes on from a frequency where the gain is still large (a choice)
-_TRIES = 60  # times: ten decades
-_WHOLE = 1e-3  # distance from a whole number of windings that is rounding: what is beyond the end is added (a choice)
+_HALVINGS = 40  # Largest number of halvings of a step; beyond it the loop has a pole on the axis.
+_SMALL = 0.5  # Loop gain that is regarded as below one at all higher frequencies.
+_DECADES = 2.0  # Range over which the loop gain must be below this value, in decades.
+_WIDER = 1.5  # Factor between two candidates for the first frequency of this range.
+_TRIES = 60  # Number of candidates: ten decades.
+_WHOLE = 1e-3  # Largest distance of the winding number from an integer.
 
 
 @dataclass(frozen=True)
 class NyquistStability:
-    """What the winding of ``det(I - G K)`` says of a loop.
+    """Stability of a loop by the winding number of ``det(I - G K)``.
 
     Attributes
     ----------
     stable : bool
-        Whether the loop is stable.
+        True if the loop is stable.
     unstable_poles : int
         Number of unstable poles of the loop.
     encirclements : int
-        How often ``det(I - G K)`` winds around zero, counter-clockwise, over the whole axis.
+        Counter-clockwise encirclements of zero by ``det(I - G K)`` over the full axis.
     unstable_controller_poles : int
         Number of unstable poles of the controller; the plant has none.
     min_return_difference, min_return_difference_omega : float
-        Least singular value of ``I - G K`` met, and its frequency [rad/s].
+        Smallest computed singular value of ``I - G K``, and its frequency [rad/s].
     omega_max : float
         Frequency from which on the loop gain was below one, over two further decades [rad/s].
     nfev : int
-        Number of frequencies at which the plant was asked.
+        Number of frequencies at which the plant was evaluated on the curve.
     omega, curve : (n,) ndarray
-        The frequencies [rad/s], and ``det(I - G K) - 1`` there, which must not wind around -1 more than said.
+        Frequencies [rad/s], and ``det(I - G K) - 1`` at these frequencies, whose critical point is -1.
     """
 
     stable: bool
@@ -74,19 +74,19 @@ class NyquistStability:
     curve: Array = field(repr=False)
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
-        """Draw the curve that was followed around -1.
+        """Draw the curve around -1.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         **style
-            Of the curve, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.looking").plot_exact_loop(self, ax, **style)
 
@@ -95,7 +95,7 @@ class NyquistStability:
         least = f"{self.min_return_difference:.4g} at {self.min_return_difference_omega:.4g} rad/s"
         beyond = f"loop gain below one beyond {self.omega_max:.4g} rad/s, as far as computed"
         head = f"NyquistStability: {verdict}\n  least singular value of I - G K {least}"
-        return f"{head}\n  {beyond}; {self.nfev} frequencies asked"
+        return f"{head}\n  {beyond}; {self.nfev} frequencies evaluated"
 
 
 @one_blas_thread
@@ -105,35 +105,34 @@ def nyquist_stability(
     plant_poles: ArrayLike,
     max_nfev: int = 200_000,
 ) -> NyquistStability:
-    """Return whether the loop ``u = K y`` of a stable plant known by its frequency response alone is stable.
+    """Determine the stability of the loop ``u = K y`` for a stable plant known only by its frequency response.
 
-    Nyquist's criterion for several signals: the winding of ``det(I - G K)`` around zero is followed along the axis.
+    The method is the generalized Nyquist criterion: the winding number of ``det(I - G K)`` about zero along the axis.
 
     Parameters
     ----------
     plant : function from frequencies [rad/s] to control.FrequencyResponseData
         A stable plant with named signals, such as ``lambda w: boomctl.exact_frequency_response(p, w)``.
     controller : control.StateSpace
-        ``u = K y``; its inputs are outputs of the plant, its outputs inputs of it.
+        Controller with ``u = K y``. Signals are matched by name.
     plant_poles : array_like of complex
-        Estimates of the plant's lightly damped poles [rad/s], such as those of a fine mesh; around each of them the
-        frequency steps are small.  Up to twice the largest of them, and of the controller's poles, the loop gain may
-        exceed one.
+        Estimates of the plant's lightly damped poles [rad/s], such as those of a fine mesh; the frequency steps are small
+        near them.  The loop gain may exceed one up to twice the largest of these and of the controller's poles.
     max_nfev : int
-        Largest number of frequencies at which the plant is asked.
+        Largest number of frequencies at which the plant is evaluated.
 
     Returns
     -------
     NyquistStability
-        Whether the loop is stable, how many unstable poles it has, and how near it comes to instability.
+        Stability of the loop, number of unstable poles, and smallest return difference.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system, names that do not meet, a controller with poles on the imaginary axis, a loop gain that
-        does not fall below one.
+        If a system has an unsupported type, signal names do not match, the controller has poles on the imaginary axis, or the
+        loop gain does not fall below one.
     ArithmeticError
-        The winding could not be told: a pole of the loop on the imaginary axis, or too close to it.
+        If the winding number is not determined: a pole of the loop is on the imaginary axis, or too close to it.
 
     Examples
     --------
@@ -195,7 +194,7 @@ def _gains(plant: Callable[[Array], control.FrequencyResponseData], K: Lti, omeg
 
 
 def _end(plant: Callable[[Array], control.FrequencyResponseData], controller: Lti, start: float) -> float:
-    """Return a frequency beyond which the loop gain stays below one."""
+    """Return a frequency above which the loop gain stays below one."""
     for end in (start * _WIDER ** np.arange(_TRIES)).tolist():
         G, K = _gains(plant, controller, end * np.logspace(0.0, _DECADES, CURVE))
         # in the units of the controls, or in those of the measurements
@@ -206,8 +205,8 @@ def _end(plant: Callable[[Array], control.FrequencyResponseData], controller: Lt
 
 
 def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> tuple[Array, Array]:
-    """Return frequencies and ``I - G K`` at them, a stack, so close that the determinant's phase cannot be mistaken."""
-    omega, values, open_ = grid, difference(grid), np.arange(len(grid) - 1)  # steps, by their first places
+    """Return frequencies and a stack of ``I - G K``, so dense that the phase of the determinant is unique."""
+    omega, values, open_ = grid, difference(grid), np.arange(len(grid) - 1)  # steps, by their first indices
     for _ in range(_HALVINGS):
         if not len(open_):
             return omega, values

@@ -1,4 +1,4 @@
-"""``prove``: what a result says of stability and norms, proved of the numbers that were handed in."""
+"""``prove``: proofs of the stability and norms that a result states, for the matrices passed by the user."""
 
 import warnings
 from collections.abc import Iterable, Iterator
@@ -14,23 +14,23 @@ from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import ClosedLoop
 from boomctl.threads import one_blas_thread
 
-_LEAST = 1e-300  # level of a bound that is zero: its square is a rational number still
+_LEAST = 1e-300  # Positive level that replaces a bound of zero.
 
 
 @dataclass(frozen=True)
 class Proof:
-    """What was proved of a result.
+    """Proof of a result.
 
     Attributes
     ----------
     proved : bool or None
-        True, or None where it could not be decided within the limit; what is refuted raises.
+        True, or None if undecided within the limit; a refuted result raises.
     claim : str
-        What was to be proved, in words.
+        Statement as text.
     bits : int
-        Size of the largest number that it rests on, in binary digits.
+        Size of the largest number used [bit].
     operations : float
-        What it took, as counted against ``max_operations``.
+        Number of operations, as limited by ``max_operations``.
     """
 
     proved: bool | None
@@ -47,55 +47,52 @@ class Proof:
 
 @one_blas_thread
 def prove(result: Claiming, *, max_operations: float = 1.2e10) -> Proof:
-    """Prove what a result says of stability and norms, in exact and ball arithmetic, of the doubles that were handed in.
+    """Prove the stability and norms that a result states, in exact and ball arithmetic.
 
-    The numbers are taken as exact.  Whether the last digit of one would change the answer is another question, which the
-    result itself answers.
+    The floating-point entries are treated as exact.  Their rounding errors are covered by the result itself.
 
     Parameters
     ----------
     result : NormBounds, ReductionResult, Margins, TuneResult, or of a synthesis
-        Of :func:`boomctl.hinf_norm`, :func:`boomctl.h2_norm`, :func:`boomctl.reduce` and so on.
+        Result of :func:`boomctl.hinf_norm`, :func:`boomctl.h2_norm`, :func:`boomctl.reduce` and so on.
     max_operations : float, optional
-        Operations after which a proof is given up, some 5 ns each: the answer does not depend on the machine.
+        Number of operations after which the proof stops, about 5 ns each.  The outcome does not depend on the machine.
 
     Returns
     -------
     Proof
-        ``proved`` is True, or None where it was not decided.
+        ``proved`` is True, or None if undecided.
 
     Raises
     ------
     TypeError, ValueError
-        A result that says nothing which can be proved; a limit that is not positive.
+        If `result` has no statement that can be proved, or `max_operations` is not positive.
     CertificateError
-        The result is wrong; the message holds the counterexample.
+        If the result is wrong; the message contains the counterexample.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
-    >>> bc.prove(bc.hinf_norm(swing)).proved
+    >>> oscillator = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    >>> bc.prove(bc.hinf_norm(oscillator)).proved
     True
     """
     limit = positive("max_operations", max_operations)
     if not hasattr(result, "__claims__"):
         raise TypeError(
             f"result: expected a certificate of a norm, a reduction, a design or margins, got {type(result).__name__};"
-            " boomctl.hinf_norm(system) makes one"
+            " boomctl.hinf_norm(system) returns one"
         )
     claims = list(result.__claims__())
     if not claims:
-        raise ValueError(
-            "result: it does not hold the system that it speaks of; prove the norm of that system's StateSpace"
-        )
+        raise ValueError("result: it does not contain its system; prove the norm of that system's StateSpace")
     return _proof(claims, limit)
 
 
 @one_blas_thread
 def is_proved(claims: Iterable[Claim]) -> bool:
-    """Return whether statements are proved within a second or two; those that are refuted are not."""
+    """Return whether statements are proved within a second or two; False if one is refuted."""
     try:
         return bool(_proof(list(claims), OPERATIONS).proved)
     except CertificateError:
@@ -103,33 +100,33 @@ def is_proved(claims: Iterable[Claim]) -> bool:
 
 
 def _proof(claims: list[Claim], limit: float) -> Proof:
-    spent, sure, said, bits = 0.0, bool(claims), [], 0
+    spent, sure, texts, bits = 0.0, bool(claims), [], 0
     for claim in claims:
-        given = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
+        subject = claim.system if claim.controller is None else ClosedLoop(claim.system, claim.controller)
         text, exact = claim.what, []
         try:
-            for system in (given, *claim.beside):
+            for system in (subject, *claim.others):
                 exact.append(Exact.of(system, limit - spent, claim.minus))
-            with warnings.catch_warnings():  # Of floats, from which a proof only begins.
+            with warnings.catch_warnings():  # From floats, which are only initial values of a proof.
                 warnings.simplefilter("ignore", RuntimeWarning)
                 text = f"{text}: {', '.join(_shown(claim, exact))}"
             bits = max(bits, *(part.bits for part in exact))
         except UndecidedError as reason:
             sure, text = False, f"{text}: not decided{f' ({reason})' if str(reason) else ' within the limit'}"
         spent += sum(part.work.spent for part in exact)
-        said.append(text)
-    return Proof(True if sure else None, "; ".join(said), bits, spent)
+        texts.append(text)
+    return Proof(True if sure else None, "; ".join(texts), bits, spent)
 
 
 def _shown(claim: Claim, parts: list[Exact]) -> Iterator[str]:
-    """Yield what was proved of a claim.
+    """Yield the proved parts of a claim as text.
 
     Raises
     ------
     CertificateError
-        It is refuted.
+        If the claim is refuted.
     UndecidedError
-        Neither.
+        If the claim is neither proved nor refuted.
     """
     if claim.stable is not None:
         for exact in parts:
@@ -142,7 +139,7 @@ def _shown(claim: Claim, parts: list[Exact]) -> Iterator[str]:
         yield "stable"
     if claim.norm is not None and claim.norm[0] == inf:
         growing, shown = (any(exact.sides[k] for exact in parts) for k in (0, 2))
-        if not (growing or shown):  # a pole that grows and does not show counts too
+        if not (growing or shown):  # an unstable pole counts even if it does not contribute
             _refute(claim, "all poles decay or do not show")
         yield "not stable" if growing else "a pole on the boundary of stability shows"
     elif claim.norm is not None:
@@ -152,18 +149,18 @@ def _shown(claim: Claim, parts: list[Exact]) -> Iterator[str]:
 
 
 def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega: float) -> str:
-    """Return what was proved of two bounds of a norm; where there is no upper one, what the norm of the stored numbers is."""
+    """Return the proved bounds of a norm as text; without an upper bound, the norm of the stored matrices."""
     ends = claim.band or (0.0, inf)
     over = f" between {ends[0]:.6g} and {ends[1]:.6g} rad/s" if claim.band else ""
     band = parts[0].square(ends[0]), parts[0].square(ends[1]) if ends[1] < inf else inf
     if high == inf:
         if any(exact.sides[0] or exact.sides[2] for exact in parts):
-            return "not stable as stored; the result says that the last digits of the entries decide"
+            return "not stable as stored; according to the result, rounding errors of the entries decide"
         lowest, highest, _ = max(exact.norm(exact.square(omega)) for exact in parts)
-        return f"norm between {lowest:.9g} and {highest:.9g} as stored, where the result vouches for no upper bound"
+        return f"norm between {lowest:.9g} and {highest:.9g} as stored; the result has no upper bound"
     level, least = max(high * (1.0 + SUMMED), _LEAST), low * (1.0 - SUMMED)  # bounds are rounded results
     reached, small = low <= 0.0, not any(exact.is_large for exact in parts)
-    for exact in parts:  # polynomials take longer, of many signals ten times, but decide more
+    for exact in parts:  # polynomials decide more, but take longer, with many signals ten times
         inequality = exact.inequality(max(low, _LEAST)) if claim.band is None else None
         if inequality is not None and inequality.stays_below(level, max(low, _LEAST)):
             reached = reached or bool(inequality.gain(omega) >= least)
@@ -196,14 +193,14 @@ def _is_reached(exact: Exact, level: float, omega: float, band: tuple[float, flo
 
 
 def _is_exceeded(exact: Exact, level: float, band: tuple[float, float]) -> tuple[bool, str]:
-    """Return whether a gain in a band reaches a level, and where, for messages."""
-    places, stays = exact.crossings(level, 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0)
-    reached = [f" at {exact.omega(x):.9g} rad/s" for x in map(float, places) if band[0] < x < band[1]]
+    """Return True if a gain in a band reaches a level, and the frequency as text."""
+    squares, stays = exact.crossings(level, 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0)
+    reached = [f" at {exact.omega(x):.9g} rad/s" for x in map(float, squares) if band[0] < x < band[1]]
     return bool(reached) or not stays, "".join(reached[:1])
 
 
 def _energy_shown(claim: Claim, parts: list[Exact], low: float, high: float) -> str:
-    """Return what was proved of two bounds of an H2 norm."""
+    """Return the proved bounds of an H2 norm as text."""
     lowest = highest = 0.0
     for exact in parts:
         if exact.is_large and (inequality := exact.inequality(1.0)) is not None:

@@ -1,13 +1,13 @@
-"""The largest gain of a sampled loop in continuous time, between samples included: its L2-induced norm.
+"""L2-induced norm of a sampled-data loop, intersample behavior included.
 
-Signals of continuous time are taken one sample at a time (lifting; Bamieh & Pearson 1992, IEEE Transactions on Automatic
-Control 37).  A level is above the norm exactly if a discrete system that depends on the level has an H-infinity norm below
-one.  That system is the solution over a sample of ``x' = A x + B w``, ``p' = -A^T p - C^T z`` under the worst ``w``, kept as
-``x(h) = Phi x(0) + W p(h)``, ``p(0) = Phi^T p(h) + X x(0)``: of a step so short that nothing can go wrong, then doubled,
-where ``W X`` stays below one exactly if the level is above what can be gained within the step.  Nothing grows in it, however
-fast the poles are.
+Continuous-time signals are lifted to sequences of functions over one sample (Bamieh & Pearson 1992, IEEE Transactions on
+Automatic Control 37).  A level is above the norm if and only if a discrete system that depends on the level has an H-infinity
+norm below one.  This system is the solution over a sample of ``x' = A x + B w``, ``p' = -A^T p - C^T z`` under the worst
+``w``, stored as ``x(h) = Phi x(0) + W p(h)``, ``p(0) = Phi^T p(h) + X x(0)``.  It is computed for a very short step, which is
+then doubled; ``W X`` stays below one if and only if the level is above the gain within the step.  The terms remain bounded
+for any fast poles.
 
-So levels on either side of the norm bound it.
+Levels on both sides of the norm are its bounds.
 """
 
 from collections.abc import Sequence
@@ -34,16 +34,17 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-LIFTED = "levels of the lifted loop, one that is reached and one that is not"  # how both bounds are found
-NOT_TOLD = "rounding keeps levels beside the norm from being told"
-NOT_STABLE = "a pole on or outside the unit circle"  # infinite
-_SMALL = 0.5  # size of a first step times its Hamiltonian matrix (a choice)
-_SHORT = 0.25  # of a level, that can be gained at most within the first step: far from any limit (a choice)
-_DOUBLINGS = 60  # of the first step at most: more is a mistake of unit (a choice)
-_APART = 3e-6  # of a level: how far from where the norm is expected levels on both sides are tried, of CERTIFIED
-_FARTHER = 5.0  # times as far, where rounding hides the level (a choice)
-_FAR = 100.0  # times a level that is reached, before one is known that is not (a choice)
-_LEVELS = 60  # tried at most: some six do, and one more for two decades between the unit and the norm
+LIFTED = "levels of the lifted loop, one that is reached and one that is not"  # Method of both bounds.
+UNDECIDED = "rounding error prevents a decision on levels near the norm"
+NOT_STABLE = "a pole on or outside the unit circle"  # Infinite.
+_SMALL = 0.5  # Norm of the Hamiltonian matrix times the first step.
+_SHORT = 0.25  # Largest gain within the first step, relative to the level.
+_DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate an error of units.
+# Relative distance of the candidate levels from the estimated norm: three times it is below CERTIFIED.
+_DISTANCE = 3e-6
+_FARTHER = 5.0  # Factor on this distance if rounding error prevents a decision.
+_FAR = 100.0  # Factor on a level that is reached, until an upper bound is known.
+_LEVELS = 60  # Largest number of levels: about six, and one more for two decades between the unit and the norm.
 
 
 @one_blas_thread
@@ -55,44 +56,44 @@ def sampled_data_norm(
     *,
     delay: float = 0.0,
 ) -> NormBounds:
-    """Return the L2-induced norm of a sampled loop ``u = K y``: its largest gain, between samples included.
+    """Compute the L2-induced norm of a sampled loop ``u = K y``, intersample behavior included.
 
-    The energy of the outputs, as functions of time, is at most the square of this norm times that of the disturbances,
-    whatever these do between samples.  ``hinf_norm(feedback_loop(...))`` knows only disturbances that are held from sample to
-    sample, and outputs at the samples.
+    The L2 norm of the outputs, as functions of time, is at most this norm times the L2 norm of the disturbances, for any
+    continuous-time disturbances.  ``hinf_norm(feedback_loop(...))`` is the norm for disturbances that are held between
+    samples and outputs at the samples.
 
     Parameters
     ----------
     plant : SecondOrderModel, control.StateSpace or control.TransferFunction
-        The plant in continuous time, signals named; a generalized plant too.
+        Plant in continuous time with named signals, or a generalized plant.
     controller : control.StateSpace or control.TransferFunction
-        In discrete time: its inputs are outputs of the plant, its outputs inputs of the plant.
+        Discrete-time controller with ``u = K y``. Signals are matched by name.
     inputs : str or sequence of str, optional
-        Disturbances; by default all inputs of the plant that the controller does not drive.
+        Disturbances. If None, all inputs of the plant that the controller does not drive.
     outputs : str or sequence of str, optional
-        Outputs of the plant, or controls as the plant feels them; by default all outputs of the plant.
+        Outputs of the plant, or control inputs of the plant. If None, all outputs of the plant.
     delay : float, optional
-        Time between a sample and the moment its control acts [s].
+        Computation delay [s].
 
     Returns
     -------
     NormBounds
-        A level that is reached, one that is not, and the frequency of the former up to whole sampling rates [rad/s].
-        Infinite if the loop is not stable.
+        Lower and upper bound, and the frequency of the lower bound modulo the sampling rate [rad/s].  Infinite if the loop is
+        not stable.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; a plant in discrete time, a controller in continuous time; names that do not meet; a delay
-        that the loop cannot have; a disturbance that acts on a measurement directly, without a filter.
+        If a system has an unsupported type, the plant is discrete or the controller continuous, signal names do not match,
+        the loop cannot have this delay, or a disturbance acts on a measurement directly, without a filter.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> signals = {"inputs": ["load", "force"], "outputs": "place"}
+    >>> signals = {"inputs": ["load", "force"], "outputs": "position"}
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0, 0.0], [1.0, 1.0]], [[1.0, 0.0]], 0.0, **signals)
-    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="place", outputs="force")
+    >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="position", outputs="force")
     >>> norm = bc.analysis.sampled_data_norm(mass, bc.discretize(lead, 0.05), delay=0.03)
     >>> round(norm.lower_bound, 3), bool(norm.verified)
     (0.904, True)
@@ -134,19 +135,19 @@ def sampled_data_norm(
 
 @dataclass(frozen=True)
 class _Step:
-    """What a plant does in a while at a level: ``x(h) = Phi x + W p(h)``, ``p = Phi^T p(h) + X x``."""
+    """Transition of a plant over a step at a level: ``x(h) = Phi x + W p(h)``, ``p = Phi^T p(h) + X x``."""
 
     Phi: Array
     W: Array
     X: Array
 
     def then(self, other: "_Step") -> "_Step":
-        """Return this step and another after it.
+        """Return this step followed by another one.
 
         Raises
         ------
         LinAlgError
-            The level can be reached within the two.
+            If the level can be reached within the two steps.
         """
         values, vectors = linalg.eigh(self.W)
         L = vectors * np.sqrt(np.maximum(values, 0.0))
@@ -161,25 +162,25 @@ class _Step:
 
 
 def _step(system: Lti, duration: float, level: float) -> _Step:
-    """Return what a system does in a while at a level.
+    """Return the transition of a system over a duration at a level.
 
     Raises
     ------
     LinAlgError
-        The level can be reached within that time.
+        If the level can be reached within the duration.
     """
     A, B, C, D, n = system.A, system.B, system.C, system.D, len(system.A)
     direct = float(np.linalg.norm(D, 2))
     if direct >= level:
-        raise linalg.LinAlgError("the level is reached at once")
+        raise linalg.LinAlgError("the feedthrough reaches the level")
     inverse = linalg.inv(np.eye(B.shape[1]) - D.T @ D / level**2)
     moved = A + B @ inverse @ D.T @ C / level**2
     weighed = C + D @ (inverse @ (D.T @ C)) / level**2
     H = blocks([[moved, B @ inverse @ B.T / level], [-C.T @ weighed / level, -moved.T]])
     size = float(np.linalg.norm(H, 2)) * duration
     gain = float(np.linalg.norm(B, 2) * np.linalg.norm(C, 2)) * duration * np.exp(_SMALL)
-    shares = size / _SMALL, gain / (_SHORT * (level - direct))
-    count = max(0, *(int(np.ceil(np.log2(max(share, 1.0)))) for share in shares))
+    ratios = size / _SMALL, gain / (_SHORT * (level - direct))
+    count = max(0, *(int(np.ceil(np.log2(max(ratio, 1.0)))) for ratio in ratios))
     if count > _DOUBLINGS:
         raise ValueError(
             f"plant: expected poles below {2.0**_DOUBLINGS:.0e} times the sampling rate; choose other units"
@@ -195,26 +196,27 @@ def _step(system: Lti, duration: float, level: float) -> _Step:
 
 @dataclass(frozen=True)
 class SampledLoop:
-    """A sampled loop: the plant between its samples, its queue of controls, the controller.
+    """Sampled loop: plant between samples, queue of delayed controls, and controller.
 
     Attributes
     ----------
     controller : Lti
+        Discrete-time controller.
     parts : tuple of (float, Lti)
-        The one or two parts of a sample between changes of the controls: how long each is [s], and the plant in it, from
-        disturbances to what is shown.  Its states are the plant's, and the controls before and after they change, of which
-        one acts.
+        The one or two intervals of a sample between changes of the controls: duration [s], and plant from the disturbances to
+        the outputs of the norm.  The states are those of the plant, and the controls before and after their change, of which
+        one set is active.
     queue : Lti
-        The plant and its queue of controls from sample to sample, from the controls to what is read.
-    from_states, from_given : ndarray
-        The plant's state at a sample, its controls before and after they change: of all states, and of what is given.
+        Plant and queue of controls from sample to sample, from the controls to the measurements.
+    from_states, from_controls : ndarray
+        Plant state at a sample, and controls before and after their change, as functions of all states and of new controls.
     """
 
     controller: Lti
     parts: tuple[tuple[float, Lti], ...]
     queue: Lti
     from_states: Array
-    from_given: Array
+    from_controls: Array
 
     @classmethod
     def of(cls, P: Lti, K: Lti, delay: float) -> "SampledLoop":
@@ -224,7 +226,7 @@ class SampledLoop:
         acting = range(nw, nw + m)
         held = Held.of(P, acting, [late] * m)
         queue = held.sampled(dt)
-        given = np.vstack([np.zeros((n + m, m)), held.direct[nw:, nw:]])
+        sent = np.vstack([np.zeros((n + m, m)), held.direct[nw:, nw:]])
         states = np.vstack([np.eye(n, len(queue.A)), held.before[nw:], held.after[nw:]])
         parts = []
         for duration, at in ((late[1], slice(n, n + m)), (dt - late[1], slice(n + m, n + 2 * m))):
@@ -233,18 +235,18 @@ class SampledLoop:
                 A[:n, :n], A[:n, at], C[:, :n], C[:, at] = P.A, P.B[:, nw:], P.C[:nz], P.D[:nz, nw:]
                 B = np.vstack([P.B[:, :nw], np.zeros((2 * m, nw))])
                 parts.append((duration, Lti(A, B, C, P.D[:nz, :nw])))
-        return cls(replace(K, state_labels=()), tuple(parts), queue.between(acting, range(nz, len(P.C))), states, given)
+        return cls(replace(K, state_labels=()), tuple(parts), queue.between(acting, range(nz, len(P.C))), states, sent)
 
     @property
     def at_samples(self) -> Lti:
-        """The closed loop from sample to sample."""
+        """Closed loop from sample to sample."""
         return lower_lft(self.queue, self.controller)
 
     def of_level(self, level: float) -> NormBounds:
-        """Return the norm of the loop of a level, which is below one exactly if the level is above that of this loop.
+        """Return the norm of the loop of a level, which is below one if and only if the level is above the norm of this loop.
 
-        Its states are those of ``at_samples``.  Signals are in units in which the level is one.  Where the level can be
-        gained within a sample there is no such loop; below the norm it need not be stable.
+        Its states are those of ``at_samples``.  Signals are in units in which the level is one.  If the level can be reached
+        within a sample this loop does not exist; for a level below the norm it may be unstable.
         """
         unstable = NormBounds(inf, inf, 0.0, NOT_STABLE, verified=True)
         try:
@@ -252,39 +254,39 @@ class SampledLoop:
         except linalg.LinAlgError:  # reached within a sample
             return unstable
         moving, read = square_root(total.W), square_root(total.X).T
-        n, inputs, Phi = len(self.from_given) - 2 * len(self.controller.C), moving.shape[1], total.Phi
+        n, inputs, Phi = len(self.from_controls) - 2 * len(self.controller.C), moving.shape[1], total.Phi
         A, B, C = self.queue.A.copy(), self.queue.B.copy(), np.vstack([read @ self.from_states, self.queue.C])
-        A[:n], B[:n] = Phi[:n] @ self.from_states, Phi[:n] @ self.from_given
+        A[:n], B[:n] = Phi[:n] @ self.from_states, Phi[:n] @ self.from_controls
         B = np.hstack([np.pad(moving[:n], ((0, len(A) - n), (0, 0))), B])
-        D = np.pad(np.vstack([read @ self.from_given, self.queue.D]), ((0, 0), (inputs, 0)))
+        D = np.pad(np.vstack([read @ self.from_controls, self.queue.D]), ((0, 0), (inputs, 0)))
         loop = lower_lft(Lti(A, B, C, D, dt=self.queue.dt), self.controller).balanced()
-        _ = loop.eigensystem  # of which the norm asks, too
+        _ = loop.eigensystem  # also used by the norm
         return matrices_norm(loop) if (sides(loop.poles, loop.dt) < 0).all() else unstable
 
     def norm(self) -> NormBounds:
-        """Return the norm between two levels, of which the loop of one reaches one and that of the other does not.
+        """Return two levels as bounds: the norm of the loop of the lower level is at least one, of the upper level below one.
 
-        The inverse of the norm of a level's loop is nearly proportional to the level: secants find where it is one.
+        The inverse of the norm of a level's loop is nearly proportional to the level: the secant method solves for one.
         """
-        low, high, omega, apart = 0.0, inf, 0.0, _APART
+        low, high, omega, distance = 0.0, inf, 0.0, _DISTANCE
         before, level = (0.0, 0.0), 1.0
         for _ in range(_LEVELS):
-            found = self.of_level(level)
-            if found.upper_bound == 0.0:
+            norm = self.of_level(level)
+            if norm.upper_bound == 0.0:
                 return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
-            if found.upper_bound < 1.0:
+            if norm.upper_bound < 1.0:
                 high = level
-            elif found.lower_bound >= 1.0:
-                low, omega = level, found.peak_omega
-            elif before[1] > 0.0:  # rounding keeps levels beside the norm from being told
-                apart *= _FARTHER
-            if high <= low * (1.0 + 3.0 * apart):
+            elif norm.lower_bound >= 1.0:
+                low, omega = level, norm.peak_omega
+            elif before[1] > 0.0:  # rounding error prevents a decision
+                distance *= _FARTHER
+            if high <= low * (1.0 + 3.0 * distance):
                 return NormBounds(low, high, omega, LIFTED, verified=agree(low, high))
-            (last, below), inverse = before, 1.0 / max(found.lower_bound, TINY)
+            (last, below), inverse = before, 1.0 / max(norm.lower_bound, TINY)
             root = level + (1.0 - inverse) * (level - last) / (inverse - below) if inverse != below else _FAR * level
             before = (level, inverse)
             if not low < root < high:
                 root = (low * high) ** 0.5 if 0.0 < low < high < inf else _FAR * low or high / _FAR
-            across = 1.0 - apart if high - root < root - low else 1.0 + apart
-            level = min(max(root * across, low * (1.0 + apart)), high * (1.0 - apart))
-        return NormBounds(low, high, omega, NOT_TOLD)
+            across = 1.0 - distance if high - root < root - low else 1.0 + distance
+            level = min(max(root * across, low * (1.0 + distance)), high * (1.0 - distance))
+        return NormBounds(low, high, omega, UNDECIDED)

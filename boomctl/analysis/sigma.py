@@ -1,4 +1,4 @@
-"""Singular values over frequency, on a grid that resolves every lightly damped peak, with a certified largest one."""
+"""Singular values over frequency, on a grid that resolves every lightly damped peak, with a certified maximum."""
 
 from __future__ import annotations
 
@@ -37,21 +37,22 @@ Signals: TypeAlias = str | Sequence[str] | None  # names, None for all
 
 _Key = TypeVar("_Key")
 _EXPECTED = "SecondOrderModel, StateSpace or FrequencyResponseData"
-_BESIDE = 0.1  # share of it beside an undamped mode that is not drawn: half of the way to the next place (`DRAWN`)
+# Distance from an undamped mode within which frequencies are omitted, in units of `NARROWEST`: half a grid step (`DRAWN`).
+_EXCLUDED = 0.1
 
 
 @dataclass(frozen=True)
 class SelectedSystem:
-    """A system between selected signals, and the frequencies of its curves.
+    """System between selected signals, with the frequencies of its curves.
 
     Attributes
     ----------
     chosen : SecondOrderModel, Lti or FrequencyResponseData
-        Between the signals.
+        System between the selected signals.
     omega : (n,) ndarray or None
-        Angular frequencies [rad/s], those of the data themselves; None for those that show the system.
+        Angular frequencies [rad/s], of data their own; None for a default grid.
     unit : str
-        Unit in which the frequencies were given, "Hz" without any.
+        Unit of the requested frequencies, "Hz" without any.
     """
 
     chosen: Any
@@ -65,14 +66,14 @@ class SelectedSystem:
         Raises
         ------
         TypeError, ValueError
-            As for :func:`sigma`.
+            As in :func:`sigma`.
         """
         if omega is not None and frequency_hz is not None:
             raise ValueError("omega, frequency_hz: expected one of them, got both")
-        name, asked, unit, scale = "frequency_hz", frequency_hz, "Hz", 2.0 * np.pi
+        name, values, unit, scale = "frequency_hz", frequency_hz, "Hz", 2.0 * np.pi
         if omega is not None:
-            name, asked, unit, scale = "omega", omega, "rad/s", 1.0
-        grid = None if asked is None else scale * frequencies(name, asked)
+            name, values, unit, scale = "omega", omega, "rad/s", 1.0
+        grid = None if values is None else scale * frequencies(name, values)
         if is_frequency_response(system):
             if grid is not None:
                 raise ValueError("omega: frequency response data have their own frequencies; leave it out")
@@ -83,8 +84,8 @@ class SelectedSystem:
         result = cls(between_signals(system, inputs, outputs), grid, unit)
         top, high = result.nyquist, 0.0 if grid is None else float(grid.max())
         if high > top * (1.0 + ALIKE):
-            said = f"{up_to(top / scale)} {unit}, got {exactly(high / scale)} {unit}"
-            raise ValueError(f"{name}: expected at most half the sampling rate, {said}")
+            limits = f"{up_to(top / scale)} {unit}, got {exactly(high / scale)} {unit}"
+            raise ValueError(f"{name}: expected at most half the sampling rate, {limits}")
         return result if grid is None else replace(result, omega=np.minimum(grid, top))
 
     @property
@@ -94,7 +95,7 @@ class SelectedSystem:
 
     @property
     def _split(self) -> SplitModel | None:
-        """A structure with its halves."""
+        """A structure with its subsystems."""
         return SplitModel.of(self.chosen) if isinstance(self.chosen, SecondOrderModel) else None
 
     def response(self, omega: Array, quiet: bool = False) -> Array:
@@ -112,23 +113,23 @@ class SelectedSystem:
 
     @property
     def nyquist(self) -> float:
-        """The highest frequency there is [rad/s]."""
+        """Nyquist frequency [rad/s]; ``inf`` for continuous time."""
         return self.chosen.nyquist if isinstance(self.chosen, Lti) else inf
 
     def resonances(self, high: float | None = None) -> Resonances:
-        """Return the lowest resonances, or those up to ``high`` [rad/s], and a band that shows them."""
+        """Return the lowest resonances, or those up to ``high`` [rad/s], with their frequency range."""
         split = self._split
         return Resonances.of_system(self.chosen, high) if split is None else split.resonances(high)
 
     @cached_property
     @one_blas_thread
     def norm(self) -> NormBounds:
-        """The H-infinity norm."""
+        """H-infinity norm."""
         return norm_of(self.chosen)
 
     @property
     def unstable(self) -> bool:
-        """Whether the system has an unstable pole, as far as data tell."""
+        """True if the system has an unstable pole; False for data."""
         if "norm" in self.__dict__ or is_frequency_response(self.chosen):
             return self.norm.method == UNSTABLE
         split = self._split
@@ -139,7 +140,7 @@ class SelectedSystem:
 def between_signals(
     system: object, inputs: Signals, outputs: Signals, expected: str = _EXPECTED
 ) -> SecondOrderModel | Lti:
-    """Return a system between the chosen signals; of a boom model by default platform actuators and tips."""
+    """Return a system between the selected signals; by default a boom model between platform actuators and tips."""
     if isinstance(system, SecondOrderModel):
         result: SecondOrderModel | Lti = system.between(inputs, outputs)
     else:
@@ -150,12 +151,12 @@ def between_signals(
     return result
 
 
-NO_SINES = "unstable: these are no responses to sines, which would grow without bound"
+NO_SINES = "unstable: these are not responses to sines, which would grow without bound"
 
 
 @dataclass(frozen=True, eq=False)
 class SigmaResult:
-    """Singular values over frequency and the largest of all.
+    """Singular values over frequency, with their maximum.
 
     Attributes
     ----------
@@ -164,14 +165,14 @@ class SigmaResult:
     sigma : (k, n) ndarray
         Singular values, descending.
     input_labels, output_labels : tuple of str
-        Names of the signals between which the singular values are.
+        Names of the signals.
     peak, peak_omega : float
         Largest singular value and its frequency: the H-infinity norm of a model or state-space system (``inf`` with
-        undamped, integrating or unstable modes that show), the largest value on the grid of measured data.
+        undamped, integrating or unstable modes that contribute), the largest value on the grid of measured data.
     verified, certified : bool
-        Whether an independent computation confirms ``peak``, and whether it is proved; see `NormBounds`.
+        True if an independent computation confirms ``peak``, and if it is proved; see `NormBounds`.
     frequency_unit : str
-        Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
+        Unit of the requested frequencies, "Hz" without any; used by plots.
     """
 
     omega: Array
@@ -183,16 +184,16 @@ class SigmaResult:
 
     @property
     def magnitude_unit(self) -> str:
-        """Unit of the singular values of a structural model, such as "m/N"; empty where it is not known.
+        """Unit of the singular values of a structural model, such as "m/N"; empty if unknown, as for a ``StateSpace``.
 
-        It is "m or rad per N" where signals differ.  That of a ``StateSpace`` is not known.
+        With different units of signals it is, for example, "m or rad per N".
         """
         chosen = self._of.chosen
         return gain_unit(chosen.units, *self._of.labels) if isinstance(chosen, SecondOrderModel) else ""
 
     @property
     def certificate(self) -> NormBounds:
-        """The norm and its bounds, computed when first asked for."""
+        """The norm and its bounds, computed on first access."""
         return self._of.norm
 
     def __repr__(self) -> str:
@@ -201,21 +202,21 @@ class SigmaResult:
         if "norm" in self._of.__dict__:
             at = f" at {self.peak_omega:.6g} rad/s" if isfinite(self.peak_omega) else ""
             lines.append(f"peak {self.peak:.6g}{at}, {self.certificate.status}")
-        else:  # printing must not cost what the norm costs
-            lines.append(f"largest of these {self.sigma.max():.6g}; the norm is computed when .peak is asked for")
+        else:  # Printing must not compute the norm.
+            lines.append(f"largest of these {self.sigma.max():.6g}; the norm is computed on first access to .peak")
         return "\n  ".join([f"SigmaResult: {between(self.input_labels, self.output_labels)}", *lines])
 
     @property
     def stable(self) -> bool:
-        """Whether no pole is unstable: otherwise no response to a sine is as large as its singular value."""
+        """True if no pole is unstable; the singular values of an unstable system are not gains of responses to sines."""
         return not self._of.unstable
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved of the peak."""
+        """Yield the claims about the peak that can be proved."""
         yield from self.certificate.__claims__()
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the metrics for a comparison."""
         return {"H-infinity norm" if self.verified else "largest singular value": self.peak}
 
     @property
@@ -230,12 +231,12 @@ class SigmaResult:
 
     @property
     def verified(self) -> bool:
-        """Whether the peak is verified."""
+        """True if the peak is verified."""
         return self.certificate.verified
 
     @property
     def certified(self) -> bool:
-        """Whether the peak is certified; a proof may run when this is first read."""
+        """True if the peak is certified.  A proof may run on first access."""
         return self.certificate.certified
 
     @property
@@ -244,22 +245,21 @@ class SigmaResult:
         return self.omega / (2.0 * np.pi)
 
     def plot(self, ax: Axes | None = None, *, frequency_unit: str | None = None, **style: Any) -> Axes:
-        """Draw the singular values over frequency.  The picture says so if the system is unstable.
+        """Draw the singular values over frequency, with a note if the system is unstable.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         frequency_unit : {"Hz", "rad/s"}, optional
-            Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
-            frequencies were asked for.
+            Unit of the frequency axis.  If None, the unit of the existing axes, or of the requested frequencies.
         **style
-            Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
+            Line properties, passed to `matplotlib.axes.Axes.plot`: ``label``, ``color``, ``linestyle``, ...
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.sigma").plot_sigma(self, ax, frequency_unit=frequency_unit, **style)
 
@@ -278,14 +278,14 @@ def sigma(
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace, control.TransferFunction or control.FrequencyResponseData
-        A structure, a system in continuous time, or measured data.
+        Structure, linear system, or measured data.
     omega : array_like, optional
-        Angular frequencies [rad/s], of a discrete system at most ``pi/dt``.  By default a grid that spans the lowest
-        modes and resolves each of their peaks, the certified one included.
+        Angular frequencies [rad/s], at most ``pi/dt`` for a discrete system.  If None, a grid that spans the lowest modes and
+        resolves each of their peaks, including the certified one.
     inputs, outputs : str or sequence of str, optional
-        Between which signals.  By default all; of a boom model, platform actuators and tips.
+        Signals.  If None, all signals; for a boom model, platform actuators and tips.
     frequency_hz : array_like, optional
-        Frequencies in Hz, in place of ``omega``.
+        Frequencies [Hz], instead of ``omega``.
 
     Returns
     -------
@@ -295,8 +295,8 @@ def sigma(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals; frequencies above half the sampling rate, negative or not
-        finite, given twice, or given for measured data; a response beyond all floating-point numbers.
+        If `system` has an unsupported type, a signal is unknown, a frequency is above half the sampling rate, negative or not
+        finite, both `omega` and `frequency_hz` or frequencies of measured data are passed, or the response overflows.
 
     Examples
     --------
@@ -312,7 +312,7 @@ def sigma(
 
 
 def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]:
-    """Compute the singular values of systems, at common frequencies where none are given."""
+    """Compute the singular values of systems, at common frequencies by default."""
     shown = [selected for selected in systems.values() if selected.omega is None]
     grid = _common_grid(shown) if shown else np.zeros(0)
     result = {}
@@ -324,7 +324,7 @@ def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]
 
 
 def _common_grid(systems: Sequence[SelectedSystem]) -> Array:
-    """Return frequencies up to the lowest Nyquist frequency that show the resonances and peaks of all systems."""
+    """Return frequencies up to the lowest Nyquist frequency that resolve the resonances and peaks of all systems."""
     with computing("singular values"):
         tell("verified peak")
         peaks = [selected.norm.peak_omega for selected in systems]
@@ -348,15 +348,15 @@ def finite(omega: Array, values: Array) -> Array:
     return values
 
 
-def drawn_grid(found: Resonances, also: Sequence[float] = ()) -> Array:
-    """Return frequencies that show the resonances in their band, and others where they are in it and above it."""
-    return beside_undamped(found, found.curve([omega for omega in also if found.low <= omega < np.inf]))
+def drawn_grid(band: Resonances, also: Sequence[float] = ()) -> Array:
+    """Return frequencies that resolve the resonances in their band, and other frequencies in the band or above it."""
+    return exclude_undamped(band, band.curve([omega for omega in also if band.low <= omega < np.inf]))
 
 
-def beside_undamped(found: Resonances, grid: Array) -> Array:
-    """Return the frequencies at which the response can be asked: not those of undamped modes."""
-    undamped = np.abs(found.poles[side_of_axis(found.poles) == 0].imag)
-    return grid[(np.abs(grid[:, None] - undamped) > _BESIDE * NARROWEST * undamped).all(axis=1)]
+def exclude_undamped(band: Resonances, grid: Array) -> Array:
+    """Return the frequencies of a grid that are not those of undamped modes."""
+    undamped = np.abs(band.poles[side_of_axis(band.poles) == 0].imag)
+    return grid[(np.abs(grid[:, None] - undamped) > _EXCLUDED * NARROWEST * undamped).all(axis=1)]
 
 
 @dataclass(frozen=True)
@@ -389,19 +389,19 @@ class SigmaComparison:
         return "\n".join([*heads, f"  ... {more} more"] if more > 0 else heads)
 
     def plot(self, ax: Axes | None = None, *, frequency_unit: str | None = None, **style: Any) -> Axes:
-        """Draw all singular values on one frequency axis, each system in a color of its own.
+        """Draw all singular values on one frequency axis, each system in a separate color.
 
         Parameters
         ----------
         ax, frequency_unit
-            As for :meth:`SigmaResult.plot`.
+            See :meth:`SigmaResult.plot`.
         **style
-            Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the names.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.sigma").plot_sigma_comparison(
             self, ax, frequency_unit=frequency_unit, **style
@@ -417,27 +417,27 @@ def compare_sigma(
     *,
     frequency_hz: ArrayLike | None = None,
 ) -> SigmaComparison:
-    """Return the singular values of several systems over the same band, to be drawn over each other.
+    """Compute the singular values of several systems over a common frequency range.
 
     Parameters
     ----------
     systems : mapping of str to SecondOrderModel or to a system of python-control
-        The systems by name, each as :func:`sigma` takes it.
+        Systems by name, of the types that :func:`sigma` accepts.
     omega, frequency_hz : array_like, optional
-        As for :func:`sigma`.  By default the band that shows the lowest modes of all of them, on one grid that resolves
-        each system's peaks in it.  Data have frequencies of their own.
+        See :func:`sigma`.  If None, the range of the lowest modes of all systems, on a grid that resolves the peaks of each
+        system in it.  Data have their own frequencies.
     inputs, outputs : str or sequence of str, optional
-        As for :func:`sigma`, of all of them.
+        See :func:`sigma`; the same for all systems.
 
     Returns
     -------
     SigmaComparison
-        One `SigmaResult` for each name: ``comparison["name"]``; ``.plot()`` draws them over each other.
+        One `SigmaResult` for each name: ``comparison["name"]``; ``.plot()`` draws them in common axes.
 
     Raises
     ------
     TypeError, ValueError
-        No systems by name; as :func:`sigma`, with the name of the system.
+        If there are no systems by name, or as in :func:`sigma`, with the name of the system.
 
     Examples
     --------
@@ -460,9 +460,9 @@ def compare_sigma(
 
 
 @contextmanager
-def naming(place: str) -> Iterator[None]:
-    """Prefix the message of an error with a place."""
+def naming(prefix: str) -> Iterator[None]:
+    """Prefix the message of an error."""
     try:
         yield
     except (TypeError, ValueError) as error:
-        raise type(error)(f"{place}: {error}") from None
+        raise type(error)(f"{prefix}: {error}") from None

@@ -1,4 +1,4 @@
-"""Plants whose states are outputs too, for controllers that read states."""
+"""Plants with their states as additional outputs, for controllers that read states."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, overload
@@ -23,40 +23,40 @@ def with_state_outputs(
     plant: "SecondOrderModel | control.StateSpace | control.TransferFunction",
 ) -> "control.StateSpace": ...
 def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | PolynomialFamily":
-    """Return the same plant with its states as further outputs, under their names.
+    """Return the plant with its states as additional outputs, under their names.
 
-    A regulator of :func:`boomctl.lqr` reads states.  Its controller and this plant meet by name, so that
-    :func:`boomctl.margins`, :func:`boomctl.feedback_loop` and :func:`boomctl.simulate_loop` take it as they take a controller
-    that reads outputs, also sampled and delayed.
+    A regulator of :func:`boomctl.lqr` reads states.  Signals of its controller and of this plant are matched by name, so that
+    :func:`boomctl.margins`, :func:`boomctl.feedback_loop` and :func:`boomctl.simulate_loop` accept it like a controller that
+    reads outputs, also sampled and delayed.
 
     Parameters
     ----------
     plant : SecondOrderModel, AffineFamily, PolynomialFamily, control.StateSpace or control.TransferFunction
-        Of p outputs and n states, in continuous or discrete time.  A structure is taken in the states of its
-        ``to_statespace()``, which are those that :func:`boomctl.lqr` sees.  Of a family, those of its middle: the same
-        sums of places, speeds and displacements of inputs are read at every point of the box.
+        Plant with p outputs and n states, in continuous or discrete time.  The states of a structure are those of its
+        ``to_statespace()``, which :func:`boomctl.lqr` uses.  The states of a family are those of its nominal plant: the same
+        linear functions of positions, speeds and displacements of inputs at every point of the box.
 
     Returns
     -------
     control.StateSpace, AffineFamily or PolynomialFamily
-        The same inputs and states, a family of a family; first the p outputs, then the n states in their order, dots in
-        their names replaced by ``_``.  A state that is an output already, under its name, is not there twice.
+        Plant with the same inputs and states (a family for a family), and with the p outputs followed by the n states, dots
+        in their names replaced by ``_``.  A state that is already an output under its name is not repeated.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, not finite; a state whose name is that of another output, or of another state; a family with
-        filters behind its outputs, or integrated inputs.
+        If `plant` has an unsupported type or an entry that is not finite, a state has the name of another output or state, or
+        a family has output filters or integrated inputs.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> import control
-    >>> signals = {"inputs": "force", "outputs": "place", "states": ["x", "v"]}
+    >>> signals = {"inputs": "force", "outputs": "position", "states": ["x", "v"]}
     >>> mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, **signals)
-    >>> regulator = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0})
+    >>> regulator = bc.lqr(mass, None, 1.0, output_weight={"position": 1.0})
     >>> bc.with_state_outputs(mass).output_labels
-    ['place', 'x', 'v']
+    ['position', 'x', 'v']
     >>> margin = bc.margins(bc.with_state_outputs(mass), regulator.controller)["force"]
     >>> bool(margin.phase_margin_deg > 60.0)  # Kalman's inequality
     True
@@ -65,26 +65,26 @@ def with_state_outputs(plant: Any) -> "control.StateSpace | AffineFamily | Polyn
         center = _center_with_state_outputs(plant.nominal)
         more = len(center.output_labels) - len(plant.nominal.output_labels)
 
-        def wider(slope: Slope) -> Slope:  # what states read stays
+        def wider(slope: Slope) -> Slope:  # rows of states do not depend on parameters
             return replace(slope, L=np.pad(slope.L, ((0, 0), (0, more), (0, 0))) if slope.L.any() else np.zeros(()))
 
         coefficients = tuple((power, wider(slope)) for power, slope in plant.coefficients)
         return replace(plant, nominal=center, coefficients=coefficients)
-    given = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
-    plain, n = given.without_dots(), len(given.A)
-    labels, rows = _joined(given, plain.output_labels, np.hstack([plain.C, plain.D]), np.eye(n, n + plain.B.shape[1]))
+    system = of(plant, "plant", "SecondOrderModel, a family, StateSpace or TransferFunction", any_time=True)
+    plain, n = system.without_dots(), len(system.A)
+    labels, rows = _joined(system, plain.output_labels, np.hstack([plain.C, plain.D]), np.eye(n, n + plain.B.shape[1]))
     C, D = np.hsplit(rows, [n])
     name = getattr(plant, "name", None)
     return replace(plain, C=C, D=D, output_labels=labels).statespace(name if isinstance(name, str) else "plant")
 
 
 def _joined(plant: Lti, outputs: tuple[str, ...], read: Array, states: Array) -> tuple[tuple[str, ...], Array]:
-    """Append states that are no outputs yet: return all names, and rows, the last but one axis, of what each reads.
+    """Append states that are not yet outputs: return all names, and their rows along the last but one axis.
 
     Raises
     ------
     ValueError
-        Two states of one name, or an output with the name of a state that it does not read.
+        If two states have the same name, or an output has the name of a different state.
     """
     labels, new = [label.replace(".", "_") for label in plant.state_labels], []
     for i, label in enumerate(labels):
@@ -98,14 +98,14 @@ def _joined(plant: Lti, outputs: tuple[str, ...], read: Array, states: Array) ->
 
 
 def _center_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
-    """Return a structure whose states, as sums of places, speeds and displacements, are outputs too."""
+    """Return a structure with additional outputs for the states, in terms of positions, speeds and displacements."""
     ports, n, m = model.ports, model.ncoordinates, len(model.input_labels)
     if any(ports.integrators) or any(bandwidth is not None for bandwidth in ports.bandwidths):
         filtered = [name for name, b in zip(model.output_labels, ports.bandwidths, strict=True) if b is not None]
         which = f"a filter behind {filtered[0]!r}" if filtered else "an input that is integrated"
         raise ValueError(f"plant: expected a family without filters and integrators, got {which}")
     none = np.zeros((n, n))
-    places = replace(
+    positions = replace(
         ports,
         outputs=model.coordinates,
         L=np.stack([np.eye(n), none, none]),
@@ -113,11 +113,11 @@ def _center_with_state_outputs(model: SecondOrderModel) -> SecondOrderModel:
         bandwidths=(None,) * n,
         primary=None,
     )
-    x = of(SecondOrderModel.of(model.structure, places), "plant")
+    x = of(SecondOrderModel.of(model.structure, positions), "plant")
     # q = C x + D d, and q' = C (A x + B d) + D d'
-    place, speed = np.hsplit(np.linalg.inv(np.vstack([x.C, x.C @ x.A])), [n])
-    at_rest, moving = -place @ x.D - speed @ (x.C @ x.B), -speed @ x.D
-    states = np.stack([np.hstack([place, at_rest]), np.hstack([speed, moving]), np.zeros((2 * n, n + m))])
+    position, speed = np.hsplit(np.linalg.inv(np.vstack([x.C, x.C @ x.A])), [n])
+    at_rest, moving = -position @ x.D - speed @ (x.C @ x.B), -speed @ x.D
+    states = np.stack([np.hstack([position, at_rest]), np.hstack([speed, moving]), np.zeros((2 * n, n + m))])
     labels, read = _joined(x, model.output_labels, np.concatenate([ports.L, ports.E], axis=2), states)
     L, E = np.split(read, [n], axis=2)
     wider = replace(ports, outputs=labels, L=L, E=E, bandwidths=(None,) * len(labels))

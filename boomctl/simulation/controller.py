@@ -130,7 +130,7 @@ def sampled_controller(
     laws = None
     if scheduled is not None:
         law = np.array([blocks([[item.D, item.C], [item.B, item.A]]) for item in result])
-        laws = Laws(law, none, scheduled._place, scheduled.values)
+        laws = Laws(law, none, scheduled._signal_index, scheduled.values)
     return SampledController.of(result[0], none[0], driven, measured, laws)
 
 

@@ -95,7 +95,7 @@ def test_eigenvectors_of_modes_that_are_nearly_alike_are_not_taken_for_better_th
     exact = system.response(near)
     assert matrices_norm(system).upper_bound >= np.abs(exact).max() * (1.0 - 1e-9)
     off = np.abs(partial_fractions(system).response(near) - exact).max()
-    assert off <= sum_over_modes.bounds(system).doubt
+    assert off <= sum_over_modes.bounds(system).error
 
 
 @pytest.mark.slow

@@ -137,7 +137,7 @@ def test_no_gain_is_above_the_sum_over_modes_and_no_change_of_last_places_above_
     off = 1e3 * CANCELLED
     moved = [M * (1.0 + off * rng.choice([-1.0, 1.0], M.shape)) for M in (system.A, system.B, system.C, system.D)]
     change = singular_values(Lti(*moved, dt=dt).response(omega, quiet=True) - G)[0].max()
-    assert change <= 1.1e3 * bounded.doubt or bounded.doubt * 1e3 > 0.1 * bounded.norm
+    assert change <= 1.1e3 * bounded.error or bounded.error * 1e3 > 0.1 * bounded.norm
 
 
 @pytest.mark.parametrize(("inputs", "outputs"), [(0, 1), (1, 0), (0, 0)])

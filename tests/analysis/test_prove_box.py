@@ -83,7 +83,7 @@ def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach,
     A, B = (
         sum(np.prod(delta[:, list(power)], axis=1)[:, None, None] * X for power, X in terms.items())
         + np.where(rng.random((100, 1, 1)) < 0.5, 1.0, rng.choice([-1.0, 1.0], (100, *off.shape))) * off
-        for terms, off in zip((A, loops.B), loops.missed, strict=True)
+        for terms, off in zip((A, loops.B), loops.errors, strict=True)
     )
     stable = np.abs(np.linalg.eigvals(A)).max() < 1.0
     z = np.exp(1j * np.linspace(0.0, np.pi, 60))[:, None, None, None]
@@ -108,7 +108,7 @@ def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, sha
     terms = image({(): np.array([[middle]]), (0,): np.array([[share * room]])})
     rest = (1.0 - share) * room
     assert not proved(terms, Cell.whole(1), 1.001 * rest)
-    assert prove.prove_box([alone(terms, 0.6 * rest)], prove.Statement(lambda delta: True), 500).dear
+    assert prove.prove_box([alone(terms, 0.6 * rest)], prove.Statement(lambda delta: True), 500).parameter_cells
 
 
 @pytest.mark.parametrize("slope", [1.0, -1.0])

@@ -110,4 +110,4 @@ def test_polynomials_meet_the_loop_wherever_it_is_drawn():
     for delta in np.random.default_rng(9).uniform(-1.0, 1.0, (50, 3)):
         A = raw(delta).A * scale / scale[:, None]
         found = 0.5 * value_at(loops.pencils, delta).sum(axis=0)
-        assert (np.abs(found - A) <= loops.missed[0]).all()
+        assert (np.abs(found - A) <= loops.errors[0]).all()

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.analysis.box.unmodelled import _folded
+from boomctl.analysis.box.unmodeled import _folded
 from boomctl.identification.uncertainty_weight import overbound
 from boomctl.lti.system import of
 from boomctl.structure import AffineFamily, SecondOrderModel
@@ -209,6 +209,6 @@ def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
         bc.robust_stability(family(), bc.discretize(damper(), 0.1), additive_uncertainty=flat)
     follows = bc.gain_schedule([damper(0.5), damper(0.6)], [0.8, 1.2], "stiffness")
     with pytest.raises(
-        ValueError, match="`additive_uncertainty` must be None beside a controller that follows a parameter"
+        ValueError, match="`additive_uncertainty` must be None for a controller that follows a parameter"
     ):
         bc.robust_stability(family(), follows, additive_uncertainty=flat)

@@ -165,7 +165,7 @@ REFUSED = [
         lambda: bc.sigma(one.boom(), "tip_left"),
         "omega = 'tip_left': expected frequencies; signals are named by inputs=",
     ),
-    (lambda: bc.step(one.boom(), "tip_left"), r"timepts = 'tip_left': expected instants \[s\]; signals are named"),
+    (lambda: bc.step(one.boom(), "tip_left"), r"timepts = 'tip_left': expected time points \[s\]; signals are named"),
     (lambda: bc.nyquist(one.boom(), "tip_left"), "controller = 'tip_left': expected a controller; signals are named"),
     (lambda: bc.hub_beam(modes=1).eigenfrequencies_hz(np.array([0.0, 1.0])), r"\.campbell\(speeds\) takes many"),
     # other kinds, and what makes the right one

@@ -1,15 +1,15 @@
 """Proof that the largest singular value of a loop stays below a level throughout a cell of parameters.
 
 The loop is ``E x' = A x + B w``, ``z = C x + D w``; ``E``, ``A`` and ``B`` are polynomials of the parameters.  A singular
-value is ``gamma`` at a frequency where a pencil is singular that is even but for factors without a zero on the imaginary axis
-(Bruinsma & Steinbuch 1990, with a matrix ``E``, and with ``w = (1 - s/r) v`` in place of the inverse of
+value is ``gamma`` at a frequency if this pencil is singular there, which is even except for factors without a zero on the
+imaginary axis (Bruinsma & Steinbuch 1990, with a matrix ``E``, and with ``w = (1 - s/r) v`` instead of the inverse of
 ``gamma^2 - D^T D``):
 
     [s E - A, 0, -(1 - s/r) B; C^T C, -s E^T - A^T, (1 - s/r) C^T D; D^T C, -B^T, (1 - s/r) (D^T D - gamma^2)].
 
-Where the loop is stable in the middle of a cell, ``gamma`` is above the gain at infinite frequency, and no eigenvalue of the
-pencil can be imaginary anywhere in the cell, the loop is stable throughout, and its norm is below ``gamma``: a pole on its
-way across the axis would make the norm pass ``gamma`` before, or, where it does not show, be such an eigenvalue itself.
+If the loop is stable at the midpoint of a cell, ``gamma`` is above the gain at infinite frequency, and no eigenvalue of the
+pencil can be imaginary anywhere in the cell, the loop is stable throughout, and its norm is below ``gamma``: a pole that
+crosses the axis raises the norm above ``gamma`` before, or, if it does not contribute to the response, is such an eigenvalue.
 
 A sampled loop ``x+ = A x + B w`` becomes with ``z = (1 + s)/(1 - s)`` the loop ``s (1 + A) x = (A - 1) x + (1 - s) B w``: the
 unit circle is the imaginary axis, and ``r`` is one.
@@ -31,22 +31,22 @@ from boomctl.lti.system import Lti
 
 @dataclass(frozen=True)
 class LoopPart:
-    """A loop over a part of a box, from what drives it to what is judged; neither for stability alone.
+    """Closed loop over a part of a box, from its inputs to its evaluated outputs; without both for stability alone.
 
     Attributes
     ----------
     cell : Cell
-        The part: parameters of the polynomials run from -1 to 1 across it.
+        The part: parameters of the polynomials range from -1 to 1 across it.
     pencils : mapping
-        Of products of parameters to ``[E, A]``.
+        Coefficients ``[E, A]`` by products of parameters.
     B : mapping
-        Of products of parameters to matrices.
+        Coefficients of ``B`` by products of parameters.
     C, D : ndarray
-        What is judged; the same over the whole box.
-    missed : pair of ndarray
-        By how much entries of ``E`` and ``A`` alike, and of ``B``, may be off.
+        Matrices of the evaluated outputs; the same over the entire box.
+    errors : pair of ndarray
+        Error bounds of the entries of ``E`` and ``A`` (one for both), and of ``B``.
     dt : float
-        Sampling time of a loop that this is the image of [s]; 0 in continuous time.
+        Sampling time of the loop whose image this is [s]; 0 in continuous time.
     """
 
     cell: Cell
@@ -54,12 +54,12 @@ class LoopPart:
     B: Polynomial
     C: Array
     D: Array
-    missed: tuple[Array, Array]
+    errors: tuple[Array, Array]
     dt: float = 0.0
 
     @property
     def sampled(self) -> bool:
-        """Whether it is the image of a sampled loop."""
+        """True for the image of a sampled loop."""
         return self.dt > 0.0
 
     def at(self, delta: Array) -> Lti:
@@ -70,7 +70,7 @@ class LoopPart:
         return Lti(np.linalg.solve(E, A), np.linalg.solve(E, B), self.C, self.D).balanced()
 
     def even(self, level: float) -> tuple[Polynomial, Array]:
-        """Return the pencil that is singular where a singular value is at a level, and by how much its entries may be off."""
+        """Return the pencil that is singular where a singular value is at a level, and the error bounds of its entries."""
         C, D = self.C / level, self.D / level
         n, m = self.B[()].shape
         CC, CD, rest = C.T @ C, C.T @ D, np.eye(m) - D.T @ D
@@ -85,18 +85,18 @@ class LoopPart:
             result[power] = np.array([blocks(left), blocks(right)])
         result[()][0, n:] -= blocks([[sampled * CC, none, back * CD], [sampled * CD.T, empty.T, -back * rest]])
         result[()][1, n:] -= blocks([[CC, none, CD], [CD.T, empty.T, -rest]])
-        off, driven = self.missed
+        off, driven = self.errors
         return result, blocks([[off, none, driven], [none, off.T, empty], [empty.T, driven.T, 0.0 * rest]])
 
     def prover(self, level: float) -> Callable[[Cell], int | None]:
-        """Return what proves that the loop is stable and its norm below a level throughout a cell, or says how to halve it.
+        """Return a function that proves stability and a norm below a level throughout a cell, or returns the axis to halve.
 
-        That no singular value is at the level on the axis shows it only if all are below it at one frequency, the highest.
+        If no singular value is at the level on the axis, all are below it if they are at one frequency, here the highest.
         """
         driven = self.C.any() and any(X.any() for X in self.B.values())
-        terms, missed = self.even(level) if driven else (self.pencils, self.missed[0])
-        if missed.any():  # rounding of sums included
-            missed = missed + ROUNDING * sum(np.abs(X).sum(axis=0) for X in terms.values())
+        terms, error = self.even(level) if driven else (self.pencils, self.errors[0])
+        if error.any():  # rounding of sums included
+            error = error + ROUNDING * sum(np.abs(X).sum(axis=0) for X in terms.values())
 
         def prove(cell: Cell) -> int | None:
             highest = self.D[:, :, None]
@@ -104,6 +104,6 @@ class LoopPart:
                 loop = self.at(cell.middle)
                 highest = loop.response(np.array([loop.nyquist]), quiet=True)
             below = bool(singular_values(highest)[0, 0] < level)
-            return axis_to_halve(terms, cell, below and stable(value_at(self.pencils, cell.middle)), missed)
+            return axis_to_halve(terms, cell, below and stable(value_at(self.pencils, cell.middle)), error)
 
         return prove

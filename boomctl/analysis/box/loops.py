@@ -1,8 +1,8 @@
-"""The loops of a family and a controller, which may be sampled, or scheduled over one of the family's parameters.
+"""Closed loops of a family and a controller, which may be sampled, or scheduled over one of the family's parameters.
 
 In continuous time a loop is ``E x' = A x + B w``, ``z = C x + D w`` with polynomials of the parameters.  States are
-coordinates, velocities, two of each output's filter, and those of the controller.  Where something drives the loop, momenta
-stand in place of velocities, so that no derivative of what comes in appears.
+coordinates, velocities, two of each output's filter, and the controller's states.  In a loop with inputs, momenta replace
+velocities, so that no derivative of an input appears.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ if TYPE_CHECKING:
     import control
 
 Sums = defaultdict[tuple[int, ...], Array]
-"""A polynomial that is being summed up."""
+"""Polynomial under summation."""
 
 
 @dataclass(frozen=True)
 class BoxLoops:
-    """The loops ``u = K y`` over a box of parameters, ``-1 <= delta <= 1``.
+    """Closed loops ``u = K y`` over a box of parameters, ``-1 <= delta <= 1``.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class BoxLoops:
     controller : Lti or ScheduledController
         ``K``.
     delay : float
-        Of a sampled loop [s].
+        Computation delay of a sampled loop [s].
     alone : sequence of LoopPart
-        Parts that cover the box, without what drives the loop; none of a sampled loop, whose parts take long.
+        Parts that cover the box, without inputs of the loop; empty for a sampled loop, whose parts are expensive.
     """
 
     family: Family
@@ -64,8 +64,8 @@ class BoxLoops:
         Raises
         ------
         TypeError, ValueError
-            Other kinds of system; names that do not meet; controls that impose motion; a schedule over no parameter; a delay
-            that the loop cannot have.
+            If a system has an unsupported type, signal names do not match, a control is a displacement, the schedule
+            follows no parameter, or the loop cannot have this delay.
         """
         instance("family", family, Family, "AffineFamily or PolynomialFamily")
         late = nonnegative("delay", delay)
@@ -78,7 +78,7 @@ class BoxLoops:
             K = one = controller_of(controller, "StateSpace or ScheduledController", sampled=True).balanced()
         signals_of(one, family.nominal.input_labels, family.nominal.output_labels)
         if one.dt:
-            time_of_loop(static(one.D), one, late)  # what a delay may be
+            time_of_loop(static(one.D), one, late)  # checks the delay
         elif late:
             raise ValueError(f"`delay` must be 0 with a controller in continuous time, got {exactly(delay)} s.")
         return cls(family, K, late, () if one.dt else [*_continuous(family, K, (), ())])
@@ -89,19 +89,19 @@ class BoxLoops:
 
     @cached_property
     def _sampled(self) -> Callable[[Array], Lti]:
-        """What makes a sampled loop at a point."""
+        """Function that returns the sampled loop at a point."""
         assert isinstance(self.controller, Lti)
         return sampled_loops(self.family, self.controller, (), (), self.delay)
 
     def poles(self, delta: Array) -> Array:
-        """Return the poles at a point, without those of coordinates that nothing feels."""
+        """Return the poles at a point, without the poles of ignorable coordinates."""
         if not self.alone:
             return self._sampled(delta).balanced().poles
         part = min(self.alone, key=lambda item: float(np.abs((delta - item.cell.middle) / item.cell.reach).max()))
         return poles_of(value_at(part.pencils, (delta - part.cell.middle) / part.cell.reach))
 
     def abscissa(self, delta: Array) -> float:
-        """Return the largest real part of the poles at a point [rad/s], in sampled time of their logarithms."""
+        """Return the largest real part of the poles at a point [rad/s], or of ``log(z)/dt`` for a sampled loop."""
         return float(rates_of(self.poles(delta), self.controller.dt).real.max())
 
     def stable(self, delta: Array) -> bool:
@@ -114,8 +114,9 @@ class BoxLoops:
         Raises
         ------
         ValueError
-            A sampled loop that changes too fast over the box; in continuous time signals that need more derivatives: measured
-            outputs may be places, speeds, or accelerations behind a filter, judged ones no speeds, and the same over the box.
+            If a sampled loop changes too fast over the box, or, in continuous time, a signal needs more derivatives.
+            Measured outputs may be positions, speeds, or accelerations behind a filter; evaluated ones may not be speeds, and
+            must be the same over the box.
         """
         if self.alone:
             return [*_continuous(self.family, self.controller, inputs, outputs)] if outputs else self.alone
@@ -126,20 +127,20 @@ class BoxLoops:
 def _continuous(
     family: Family, K: Lti | ScheduledController, inputs: Sequence[str], outputs: Sequence[str]
 ) -> Iterator[LoopPart]:
-    """Yield the loops in continuous time, one a straight line of the controller."""
+    """Yield the loops in continuous time, one for each interval over which the controller is affine."""
     ports, axis, ends = family.nominal.ports, 0, [-1.0, 1.0]
     acting = [ports.inputs.index(name) for name in K.output_labels]
     read = [ports.outputs.index(name) for name in K.input_labels]
     filtered = np.array([ports.bandwidths[o] is not None for o in read])
     if isinstance(K, ScheduledController):
         axis, filtered = family.names.index(K.signal), np.ones(len(read), bool)
-        places = [float(family.normalize({K.signal: value})[axis]) for value in K.values]
-        ends = np.unique(np.clip([*ends, *places], -1.0, 1.0)).tolist()
+        nodes = [float(family.normalize({K.signal: value})[axis]) for value in K.values]
+        ends = np.unique(np.clip([*ends, *nodes], -1.0, 1.0)).tolist()
     for i, name in zip(acting, K.output_labels, strict=True):
         late = [ports.B[1:, :, i], ports.E[1:, read, i], *(change.B[1:, :, i] for _, change in family.coefficients)]
         if ports.moved[i] or ports.E[0, read, i][filtered].any() or any(X.any() for X in late):
             raise ValueError(
-                f"`controller` must drive forces, got {name!r}, an input that imposes motion or is felt at once."
+                f"`controller` must drive forces, got {name!r}, a displacement or an input with direct feedthrough."
             )
     along = np.eye(family.nparameters)[axis]
     direct = ports.E[0][np.ix_(read, acting)]
@@ -153,22 +154,25 @@ def _continuous(
         cell = Cell.whole(family.nparameters)
         cell.middle[axis], cell.reach[axis] = 0.5 * (low + high), 0.5 * (high - low)
         pencils, B, C, D = _closed(family, law, (K.input_labels, K.output_labels), inputs, outputs)
-        missed = np.zeros_like(pencils[()][0]), np.zeros_like(B[()])
-        yield LoopPart(cell, within(pencils, cell), within(B, cell), C, D, missed)
+        errors = np.zeros_like(pencils[()][0]), np.zeros_like(B[()])
+        yield LoopPart(cell, within(pencils, cell), within(B, cell), C, D, errors)
 
 
 def controller_at(family: Family, K: Lti | ScheduledController, delta: Array) -> Lti:
-    """Return a controller as it is at a point of the box."""
+    """Return the controller at a point of the box."""
     return frozen(K, family.denormalize(delta)[K.signal]) if isinstance(K, ScheduledController) else K
 
 
 def _inside(K: Lti, direct: Array) -> Lti:
-    """Return a controller between measurements without the feedthrough of its controls, and signals added to these, and them.
+    """Return a controller in a loop with the plant's feedthrough ``direct``.
+
+    Its inputs are the measurements without the feedthrough of its controls, and signals added to its controls; its outputs
+    are the controls.
 
     Raises
     ------
     ValueError
-        The loop of the feedthrough and the controller's is not well-posed.
+        If the loop of the plant's and the controller's feedthrough is not well-posed.
     """
     p, m = direct.shape
     none, eye = np.zeros((m, p)), np.eye(m)
@@ -177,32 +181,32 @@ def _inside(K: Lti, direct: Array) -> Lti:
 
 
 def _open(family: Family, rows: Sequence[int], forced: Array, driven: bool, more: int) -> tuple[Sums, Sums, Polynomial]:
-    """Return ``E``, ``A`` and the rows of outputs ``a + b' + c''`` of plants, over the states and what drives them.
+    """Return ``E``, ``A`` and the rows of outputs ``a + b' + c''`` of the plants, over the states and the loop's inputs.
 
-    ``forced`` is how that drives the inputs; behind the states of the plant and of its filters come ``more`` others.
+    ``forced`` is the map from the loop's inputs to the plant's; ``more`` states follow those of the plant and its filters.
     """
     ports, n, m = family.nominal.ports, family.nominal.ncoordinates, forced.shape[1]
     filters = [(j, b) for j, o in enumerate(rows) if (b := ports.bandwidths[o]) is not None]
-    places, rates, size = slice(n), slice(n, 2 * n), 2 * (n + len(filters)) + more
-    moving = places if driven else rates  # whose derivatives the mass matrix multiplies
+    positions, rates, size = slice(n), slice(n, 2 * n), 2 * (n + len(filters)) + more
+    moving = positions if driven else rates  # whose derivatives the mass matrix multiplies
     E, A = (defaultdict(lambda: np.zeros((size, size + m))) for _ in range(2))
     E[()] = np.eye(size, size + m)
     E[()][moving, moving] = 0.0
-    A[()][places, rates] = np.eye(n)
+    A[()][positions, rates] = np.eye(n)
     lines: dict[tuple[int, ...], Array] = {}
     for power, X in (((), family.nominal), *family.coefficients):
         B, L = (X.B, X.L) if isinstance(X, Slope) else (ports.B, ports.L)
         E[power][moving, moving] += X.M
         A[power][moving, moving] -= X.C
-        A[power][rates, places] -= X.K
+        A[power][rates, positions] -= X.K
         A[power][rates, size:] += B[0] @ forced
-        A[power][places, size:] += B[1] @ forced
+        A[power][positions, size:] += B[1] @ forced
         if power and not L.any():
             continue
         line = np.zeros((3, len(rows), size + m))
-        line[:, :, places] = L[:, rows]
+        line[:, :, positions] = L[:, rows]
         if not driven:  # speeds are states
-            line[:2, :, rates], line[1:, :, places] = L[1:, rows], 0.0
+            line[:2, :, rates], line[1:, :, positions] = L[1:, rows], 0.0
         if not power:
             line[:, :, size:] = ports.E[:, rows] @ forced
         for first, (j, b) in zip(range(2 * n, size - more, 2), filters, strict=True):
@@ -224,17 +228,17 @@ def _closed(
     inputs: Sequence[str],
     outputs: Sequence[str],
 ) -> tuple[Polynomial, Polynomial, Array, Array]:
-    """Return pencils, ``B``, ``C`` and ``D`` of the loop with a law from measurements and added signals to controls.
+    """Return pencils, ``B``, ``C``, ``D`` of the loop with a control law from measurements and injected signals to controls.
 
     Raises
     ------
     ValueError
-        As :meth:`BoxLoops.parts`.
+        See :meth:`BoxLoops.parts`.
     """
     ports, n, (measured, controls) = family.nominal.ports, family.nominal.ncoordinates, signals
     acting, read = [ports.inputs.index(name) for name in controls], [ports.outputs.index(name) for name in measured]
-    judged = [ports.outputs.index(name) for name in outputs if name in ports.outputs]
-    rows, k = sorted({*read, *judged}), len(law["A"][()])
+    evaluated = [ports.outputs.index(name) for name in outputs if name in ports.outputs]
+    rows, k = sorted({*read, *evaluated}), len(law["A"][()])
     labels = (*ports.inputs, *map(injected, (*measured, *controls)))
     entry = np.zeros((len(labels), max(1, len(inputs))))
     entry[[labels.index(name) for name in inputs], range(len(inputs))] = 1.0
@@ -242,8 +246,8 @@ def _closed(
     E, A, lines = _open(family, rows, forced, bool(outputs), k)
     size, wide = E[()].shape
     own, rates, states = slice(size - k, size), slice(n, 2 * n), {(): np.eye(k, wide, size - k)}
-    at, room = [rows.index(o) for o in read], ((0, len(acting)), (0, 0))
-    a, b = ({q: np.pad(line[i, at], room) for q, line in lines.items()} for i in (0, 1))
+    at, padding = [rows.index(o) for o in read], ((0, len(acting)), (0, 0))
+    a, b = ({q: np.pad(line[i, at], padding) for q, line in lines.items()} for i in (0, 1))
     a[()][:, size:] += added
     changes = [{q: X.B[0][:, acting]} for q, X in family.coefficients if X.B.any()]
     pushing = sum_of({(): ports.B[0][:, acting]}, *changes)
@@ -252,7 +256,7 @@ def _closed(
     _add(E, own, product_of(law["B"], b), -1.0)
     _add(A, rates, product_of(pushing, sent))
     _add(E, rates, product_of(pushing, late), -1.0)
-    # what is judged: of outputs the rows, of controls what is sent
+    # Evaluated signals: rows of the plant's outputs, and the controller's outputs.
     wanted = outputs or ("",)
     pick = np.array([[float(name == ports.outputs[o]) for o in rows] for name in wanted])
     through = np.array([[float(name == control) for control in controls] for name in wanted])
@@ -261,25 +265,25 @@ def _closed(
     unfit = [
         *(X.B[2] @ forced for X in (ports, *(change for _, change in family.coefficients))),
         *(X for line in lines.values() for X in (line[2], line[1, :, size:], pick @ line[1])),
-        *(ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in judged),
+        *(ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in evaluated),
     ]
     if any(X.any() for X in unfit):
-        raise ValueError("`outputs` must be places, or accelerations behind a filter; measured ones may be speeds.")
+        raise ValueError("`outputs` must be positions, or accelerations behind a filter; measured ones may be speeds.")
     if any((through @ X).any() for X in late.values()):
-        raise ValueError("`controller` must send no speed on at once where what it sends is judged.")
+        raise ValueError("`controller` must send no speed on at once if its controls are among `outputs`.")
     if any(X.any() for q, X in z.items() if q):
         raise ValueError("`outputs` must not change with the parameters in continuous time; of sampled loops they may.")
     pencils = {q: np.array([E[q], A[q]])[:, :, :size] for q in dict.fromkeys((*E, *A))}
 
     def alone(i: int) -> bool:
-        """Return whether nothing in the loop feels a state."""
+        """Return whether nothing in the loop depends on a state."""
         unit = np.eye(size)[i]
         return all(not X[1, :, i].any() and (X[0, :, i] == (0.0 if q else unit)).all() for q, X in pencils.items())
 
-    kept = [i for i in range(size) if outputs or i not in family._unfelt or not alone(i)]
-    pencils = {q: X[:, kept][:, :, kept] for q, X in pencils.items() if not q or X.any()}
-    B = {q: X[kept, size:] for q, X in A.items() if not q or X[:, size:].any()}
-    return pencils, B, z[()][:, kept], z[()][:, size:]
+    states_used = [i for i in range(size) if outputs or i not in family._unfelt or not alone(i)]
+    pencils = {q: X[:, states_used][:, :, states_used] for q, X in pencils.items() if not q or X.any()}
+    B = {q: X[states_used, size:] for q, X in A.items() if not q or X[:, size:].any()}
+    return pencils, B, z[()][:, states_used], z[()][:, size:]
 
 
 def _add(total: Sums, rows: slice, terms: Polynomial, sign: float = 1.0) -> None:

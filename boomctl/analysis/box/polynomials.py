@@ -20,12 +20,12 @@ from boomctl.lti.rounding import EPS
 ROUNDING = 1e3 * EPS
 
 Polynomial = Mapping[tuple[int, ...], Array]
-"""Of each product of parameters its coefficient: ``()`` for one, ``(0, 0, 1)`` for ``d0^2 d1``."""
+"""Coefficients by products of parameters: ``()`` for the constant term, ``(0, 0, 1)`` for ``d0^2 d1``."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A box of parameters: its middle and half its widths."""
+    """Box of parameters: its midpoint and half-widths."""
 
     middle: Array
     reach: Array
@@ -42,13 +42,13 @@ class Cell:
         reach = np.where(np.arange(len(step)) == axis, 0.5 * self.reach, self.reach)
         return Cell(self.middle - step, reach), Cell(self.middle + step, reach)
 
-    def point(self, share: Array) -> Array:
-        """Return a point of the cell, ``share`` from -1 to 1 across it."""
-        return self.middle + self.reach * share
+    def point(self, local: Array) -> Array:
+        """Return a point of the cell from its local coordinates, -1 to 1 across it."""
+        return self.middle + self.reach * local
 
 
 def value_at(terms: Polynomial, delta: Array) -> Array:
-    """Return the value at a point."""
+    """Return the value of a polynomial at a point."""
     return np.asarray(sum(float(np.prod(delta[list(power)])) * X for power, X in terms.items()))
 
 
@@ -61,7 +61,7 @@ def sum_of(*terms: Polynomial) -> dict[tuple[int, ...], Array]:
 
 
 def stacked(upper: Polynomial, lower: Polynomial, more: int = 0) -> dict[tuple[int, ...], Array]:
-    """Return one polynomial above the other, and so many columns of zeros behind both."""
+    """Return one polynomial above the other, both followed by ``more`` columns of zeros."""
     pairs = {q: [X.get(q, 0.0 * X[()]) for X in (upper, lower)] for q in dict.fromkeys((*upper, *lower))}
     return {q: np.pad(np.vstack(pair), ((0, 0), (0, more))) for q, pair in pairs.items()}
 
@@ -81,28 +81,28 @@ def within(terms: Polynomial, cell: Cell) -> dict[tuple[int, ...], Array]:
 
 
 def about(terms: Polynomial, middle: Array) -> dict[tuple[int, ...], Array]:
-    """Return the same polynomial in the distances of the parameters from another middle."""
-    powers, rows, columns, ways, left = _factors(tuple(terms), len(middle))
-    shares = np.zeros((len(powers), len(terms)))
-    shares[rows, columns] = ways * (middle**left).prod(axis=1)
-    result = np.tensordot(shares, np.array([*terms.values()]), 1)
-    return {power: X for power, X, share in zip(powers, result, shares, strict=True) if not power or share.any()}
+    """Return the same polynomial in the distances of the parameters from another midpoint."""
+    powers, rows, columns, factors, left = _factors(tuple(terms), len(middle))
+    weights = np.zeros((len(powers), len(terms)))
+    weights[rows, columns] = factors * (middle**left).prod(axis=1)
+    result = np.tensordot(weights, np.array([*terms.values()]), 1)
+    return {power: X for power, X, weight in zip(powers, result, weights, strict=True) if not power or weight.any()}
 
 
 @lru_cache(maxsize=8)
 def _factors(
     powers: tuple[tuple[int, ...], ...], size: int
 ) -> tuple[list[tuple[int, ...]], Array, Array, Array, Array]:
-    """Return the products that shifted ones expand into; of each pair row, column, binomial coefficient and powers left."""
-    places: dict[tuple[int, ...], int] = {}
+    """Return the products in the expansion of shifted products; row, column, coefficient, remaining powers of each pair."""
+    index: dict[tuple[int, ...], int] = {}
     pairs, left = [], []
     for column, power in enumerate(powers):
         often = [power.count(i) for i in range(size)]
         for here in product(*(range(count + 1) for count in often)):
-            row = places.setdefault(tuple(i for i, count in enumerate(here) for _ in range(count)), len(places))
+            row = index.setdefault(tuple(i for i, count in enumerate(here) for _ in range(count)), len(index))
             pairs.append((row, column, prod(map(comb, often, here))))
             left.append([n - count for n, count in zip(often, here, strict=True)])
-    return list(places), *np.array(pairs).T, np.array(left)
+    return list(index), *np.array(pairs).T, np.array(left)
 
 
 def poles_of(pencil: Array) -> Array:
@@ -114,5 +114,5 @@ def poles_of(pencil: Array) -> Array:
 
 
 def stable(pencil: Array) -> bool:
-    """Return whether all eigenvalues decay; undamped ones do not."""
+    """Return whether all eigenvalues are stable; undamped ones are not."""
     return bool((side_of_axis(poles_of(pencil)) < 0).all())

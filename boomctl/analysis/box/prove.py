@@ -1,12 +1,12 @@
-"""Proof of a statement about a loop over a box: that it is stable there, or that its gain stays below a level.
+"""Proof of a statement about a loop over a box: the loop is stable, or its gain is below a level.
 
-Cells of parameters (:mod:`boomctl.analysis.box.zero_exclusion`) see all frequencies at once, and bear many lightly damped
-poles; cells of parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`) bear strongly coupled ones and many
-parameters.  Both show that no pole, or no singular value at the level, is on the axis anywhere in them.  A box is connected,
-so that the statement holds throughout if it does at one point.
+Cells of parameters (:mod:`boomctl.analysis.box.zero_exclusion`) cover all frequencies and are suited to many lightly damped
+poles; cells of parameters and frequencies (:mod:`boomctl.analysis.box.response_cells`) are suited to strongly coupled poles
+and many parameters.  Both show that no pole, or no singular value at the level, is on the axis anywhere in them.  A box is
+connected, so that the statement holds throughout if it holds at one point.
 
-One rule: a cell of parameters is proved or halved.  At every fifth halving, and before it is given up, it is tried by cells
-of parameters and frequencies, as many as take as long as the cells of parameters since.
+A cell of parameters is proved or halved.  At every fifth halving, and before the proof stops, the cell is divided into cells
+of parameters and frequencies, about as many as take as long as the cells of parameters since the last such division.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,67 +22,67 @@ from boomctl.analysis.box.response_cells import ResponseCells
 from boomctl.arrays import Array
 from boomctl.progress import tell
 
-WORTH = 150  # cells of parameters and frequencies that take as long as one of parameters alone (measured: 100 to 300)
-# Parameters up to which cells of parameters and frequencies are tried: what one costs grows with the square of their number,
-# and beyond some 16 it is that of a cell of parameters alone.
+COST_RATIO = 150  # Run time of a cell of parameters, relative to one of parameters and frequencies.
+# Largest number of parameters for cells of parameters and frequencies.  Their run time grows with the square of this number;
+# beyond about 16 it is that of a cell of parameters alone.
 _MOST_PARAMETERS = 16
-_HALVINGS = 5  # Of a cell until those of frequencies are tried: one of 32 cells wastes them (measured: 3 to 5).
-_SHARE = 4  # times `WORTH` that are tried then: as long as the cells of parameters since take (measured: 1 to 4)
+_HALVINGS = 5  # Halvings of a cell between two trials with cells of parameters and frequencies.
+_TRIAL = 4  # Budget of such a trial, in units of `COST_RATIO` cells of parameters and frequencies.
 
 
 @dataclass
 class Statement:
-    """What is to be proved of a loop at every point of a box: here that it is stable, which a gain below any level shows.
+    """Statement about a loop at every point of a box: here stability, which a gain below any level implies.
 
     Attributes
     ----------
     stable : callable
-        Whether the loop, closed anew, is stable at a point.
+        Returns whether the loop, closed independently of the proof, is stable at a point.
     level : float
-        What no gain may reach; ``inf`` once the statement is known not to hold.
+        Upper limit of the gain; ``inf`` once the statement is known not to hold.
     """
 
     stable: Callable[[Array], bool]
     level: float = 1.0
 
     def met(self, gain: float, point: Array) -> None:
-        """Take note of the largest gain met and its point, which may raise the level."""
+        """Register the largest gain of a batch and its point, which may raise the level."""
 
     def holds(self, point: Array) -> bool:
-        """Return whether the loop is stable at a point where a proof failed; may raise the level, too."""
+        """Return whether the loop is stable at a point where a proof failed; may also raise the level."""
         return self.stable(point)
 
     def looser(self) -> bool:
-        """Raise the level where cells run out; return whether it did."""
+        """Raise the level when the cell budget is exhausted; return whether it was raised."""
         return False
 
 
 @dataclass(frozen=True)
 class BoxProof:
-    """What is known of a box.
+    """Result of a proof over a box.
 
     Attributes
     ----------
     proved : bool
-        Whether the statement holds at every point.
-    dear, cheap : int
-        Cells proved, of parameters, and of parameters and frequencies.
+        True if the statement holds at every point.
+    parameter_cells, frequency_cells : int
+        Numbers of cells proved, of parameters, and of parameters and frequencies.
     refuted : ndarray or None
-        A point at which the loop is not stable, if one was met.
+        A point at which the loop is not stable, or None.
     left : ndarray or None
-        The middle of a cell of parameters that resisted.
+        Midpoint of a cell of parameters that was not proved, or None.
     """
 
     proved: bool
-    dear: int = 0
-    cheap: int = 0
+    parameter_cells: int = 0
+    frequency_cells: int = 0
     refuted: Array | None = None
     left: Array | None = None
 
     @property
     def method(self) -> str:
-        """How many cells of which kind proved it; empty where it is not proved."""
-        kinds = ((self.dear, "of parameters"), (self.cheap, "of parameters and frequencies"))
+        """Numbers of cells of each kind that proved the statement; empty if it is not proved."""
+        kinds = ((self.parameter_cells, "of parameters"), (self.frequency_cells, "of parameters and frequencies"))
         return " and ".join(f"{count} {kind}" for count, kind in kinds if count) if self.proved else ""
 
 
@@ -92,49 +92,50 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
     Parameters
     ----------
     parts : sequence of LoopPart
-        What covers the box.
+        Parts that cover the box.
     statement : Statement
-        What is to be proved.
+        The statement to prove.
     limit : float
-        Most cells of parameters in each part at a level, one at least; none is smaller than that share of the part.
+        Largest number of cells of parameters in each part at a level, at least one; cells narrower than the part divided by
+        ``limit`` are not halved.
     """
-    dear, cheap = 0, 0
+    parameter_cells, frequency_cells = 0, 0
 
     def met(part: LoopPart, gain: float, point: Array) -> float:
         statement.met(gain, part.cell.point(point))
         return statement.level
 
     for part in parts:
-        waiting, tried, level = [Cell.whole(len(part.cell.middle))], 0, statement.level
+        waiting, visited, level = [Cell.whole(len(part.cell.middle))], 0, statement.level
         prove, responses = part.prover(level), None
         while waiting:
-            tell("cells of the box proved", dear + cheap)
-            cell, tried = waiting.pop(), tried + 1
+            tell("cells of the box proved", parameter_cells + frequency_cells)
+            cell, visited = waiting.pop(), visited + 1
             axis = prove(cell)
             if axis is None:
-                dear += 1
+                parameter_cells += 1
                 continue
             middle = part.cell.point(cell.middle)
             if not statement.holds(middle):
-                return BoxProof(False, dear, cheap, middle)
-            # halves of halves: twice as many are tried as are proved
-            last = cell.reach.max() < 1.0 / limit or tried >= 2.0 * limit
+                return BoxProof(False, parameter_cells, frequency_cells, middle)
+            # Bisection: about twice as many cells are visited as are proved.
+            last = cell.reach.max() < 1.0 / limit or visited >= 2.0 * limit
             if last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
-                most = int(min(_SHARE, limit) * WORTH) * (len(middle) <= _MOST_PARAMETERS)
+                most = int(min(_TRIAL, limit) * COST_RATIO) * (len(middle) <= _MOST_PARAMETERS)
                 responses = responses or ResponseCells.of(part)
                 count = responses.prove(cell, statement.level, most, partial(met, part))
                 if statement.level == inf:
-                    return BoxProof(False, dear, cheap)
+                    return BoxProof(False, parameter_cells, frequency_cells)
                 if count is not None:
-                    cheap += count
+                    frequency_cells += count
                     continue
             if not last:
                 waiting += cell.halves(axis)
             elif statement.looser():
-                waiting, tried = [*waiting, cell], 0
+                waiting, visited = [*waiting, cell], 0
             else:
-                return BoxProof(False, dear, cheap, None, middle)
+                return BoxProof(False, parameter_cells, frequency_cells, None, middle)
             if statement.level > level:
                 level = statement.level
                 prove = part.prover(level)
-    return BoxProof(True, dear, cheap)
+    return BoxProof(True, parameter_cells, frequency_cells)

@@ -1,4 +1,4 @@
-"""Stability and performance of a loop over a whole box of real parameters: a proof, and the worst point found."""
+"""Robust stability of a loop over a box of real parameters, and its margin."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ import numpy as np
 
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
-from boomctl.analysis.box.prove import WORTH, Statement, prove_box
+from boomctl.analysis.box.prove import COST_RATIO, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.checks import positive, whole
 from boomctl.lti.system import Lti, of
@@ -21,36 +21,36 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_CELLS = 500  # most cells of a proof (a choice of patience: seconds to a minute)
-_MARGIN_CELLS = 100  # most cells of each of the proofs of a margin (a choice)
-_PROOFS = 24  # at most, of a margin: enough for bounds 1e-5 apart (a choice)
+_CELLS = 500  # Largest number of cells of a proof: seconds to a minute.
+_MARGIN_CELLS = 100  # Largest number of cells of each proof of a margin.
+_PROOFS = 24  # Largest number of proofs of a margin: enough for a relative gap of 1e-5.
 
 
 @dataclass(frozen=True)
 class RobustStability:
-    """Whether a loop is stable over a whole box of parameters.
+    """Robust stability of a loop over a box of parameters.
 
     Attributes
     ----------
     proved : bool
-        Whether the loop is proved stable at every point of the box: no pole touches the imaginary axis, or the unit circle,
-        in any of the cells that cover it.  Of sampled loops what the polynomials miss, by which they are proved, is not
-        itself proved: it is measured at points drawn, and counted ten times.
+        True if the loop is proved stable at every point of the box: no pole touches the imaginary axis, or the unit circle,
+        in any of the cells that cover it.  The proof of a sampled loop uses polynomials.  Their error is not proved: it is
+        estimated at random points and multiplied by ten.
     destabilizing_values : dict or None
-        Parameter values at which the loop is unstable, the first that were found; None where none were.
+        Parameter values of the first point at which the loop was computed to be unstable, or None.
     cells : int
-        Cells in which it was proved (or tried).
+        Number of cells of the proof, or of the attempt.
     spectral_abscissa : float
-        Largest real part of the poles at the points tried [rad/s]; a lower bound of that over the box.
+        Largest real part of the poles at the points evaluated [rad/s]; a lower bound of its maximum over the box.
     worst_values : dict
-        Parameter values at which the largest real part was found.
+        Parameter values at which the largest real part was computed.
     message : str
-        Why the proof was given up, and where; empty where it was not.
+        Reason and location at which the proof stopped; empty if it is complete.
     method : str
-        How many cells of which kind proved it; empty where it was not.
+        Numbers of cells of each kind in the proof; empty without a proof.
     small_gain : float
-        Largest gain found around what is not modeled, in its bounds: below one at every point where it is proved; ``nan``
-        where nothing was said to be unmodelled, or the loop is not proved stable without it.
+        Largest computed gain around the unmodeled dynamics, relative to their bounds: below one at every point if proved;
+        NaN without `additive_uncertainty`, or if the loop is not proved stable without unmodeled dynamics.
     """
 
     proved: bool
@@ -67,7 +67,7 @@ class RobustStability:
 
     @property
     def summary(self) -> str:
-        """Return the verdict as text.
+        """Return the result as text.
 
         Returns
         -------
@@ -77,7 +77,7 @@ class RobustStability:
         rate = f"{self.spectral_abscissa:.4g} rad/s"
         if self.destabilizing_values is not None:
             return f"unstable at {listed_values(self.destabilizing_values)} (pole with real part {rate})"
-        verdict = "stable over the whole box, proved" if self.proved else "stable where tried, but not proved,"
+        verdict = "stable over the whole box, proved" if self.proved else "stable where evaluated, but not proved,"
         verdict = f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}"
         result = f"{verdict}; real parts of poles found up to {rate}, at {listed_values(self.worst_values)}"
         if isnan(self.small_gain):
@@ -87,16 +87,16 @@ class RobustStability:
 
 @dataclass(frozen=True)
 class RobustStabilityMargin:
-    """How many times the box may grow about its middle before the loop may become unstable.
+    """Scaling of the parameter box about its midpoint up to which a loop remains stable.
 
     Attributes
     ----------
     lower_bound : float
         The loop is proved stable over the box enlarged by this factor.
     upper_bound : float
-        The loop is unstable at a point of the box enlarged by this factor; ``inf`` if none was found.
+        The loop is unstable at a point of the box enlarged by this factor; ``inf`` if no such point is known.
     destabilizing_values : dict or None
-        Parameter values of that point.
+        Parameter values of this point, or None.
     """
 
     lower_bound: float
@@ -105,12 +105,12 @@ class RobustStabilityMargin:
 
     @property
     def mu_lower(self) -> float:
-        """Lower bound of the structured singular value for these real parameters, 1 being the box itself."""
+        """Lower bound of the structured singular value for these real parameters; 1 corresponds to the box itself."""
         return 1.0 / self.upper_bound if self.upper_bound > 0.0 else inf
 
     @property
     def mu_upper(self) -> float:
-        """Upper bound of it."""
+        """Upper bound of the structured singular value."""
         return 1.0 / self.lower_bound if self.lower_bound > 0.0 else inf
 
     def __repr__(self) -> str:
@@ -142,48 +142,48 @@ def robust_stability(
     injection_points: str | Sequence[str] = (),
     progress: "Listener | None" = None,
 ) -> RobustStability:
-    """Prove that a loop ``u = K y`` is stable over a whole box of parameters, or find where it is not.
+    """Prove that a loop ``u = K y`` is stable over a box of parameters, or find a point at which it is unstable.
 
-    The box is halved until in each cell no pole can touch the imaginary axis; what such cells leave is proved by smaller ones
-    of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is a polynomial of
-    the parameters (:mod:`boomctl.analysis.box.sampled`): what it misses is measured at points drawn, and counted ten
-    times.
+    The box is halved until in each cell no pole can touch the imaginary axis.  Cells that resist are proved by smaller cells
+    of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is approximated by
+    a polynomial of the parameters (:mod:`boomctl.analysis.box.sampled`); its error is estimated at random points and
+    multiplied by ten.
 
     Parameters
     ----------
     family : AffineFamily or PolynomialFamily
-        The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
+        Plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam.  Its control inputs must be forces.
     controller : control.StateSpace or ScheduledController
-        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  A discrete one makes sampled loops.  One
-        that follows a parameter of the family (:func:`boomctl.gain_schedule`) is proved at each constant value; the proof
-        does not cover a changing one.
+        Controller with ``u = K y``.  Signals are matched by name.  A discrete-time controller defines sampled loops.  A
+        controller that follows a parameter of the family (:func:`boomctl.gain_schedule`) is proved at each constant value;
+        the proof does not cover a changing value.
     max_cells : int
-        Largest number of cells of a part of the box, of which most boxes are one; after so many neither stability nor
-        instability is claimed.  Of those of parameters and frequencies, which are smaller, some 150 times as many are tried.
+        Largest number of cells in a part of the box (most boxes have one part); beyond it, neither stability nor instability
+        is reported.  The number of cells of parameters and frequencies, which are smaller, may be about 150 times as large.
     delay : float, optional
-        Time between a sample and the moment its control acts [s]; only with a discrete controller.
+        Computation delay [s].  Requires a discrete-time controller.
     additive_uncertainty : control.StateSpace, optional
-        Bounds of what the family does not model, in continuous time, such as
-        :func:`boomctl.identification.uncertainty_weight` makes: from the controls to what is measured, by name.  The plants
-        are all those of the family with any stable dynamics added, each entry below that of the bounds at every frequency.
-        With a discrete controller bounds must fall with frequency; what samples fold back is in the proof.
+        Weight of the unmodeled dynamics in continuous time, such as :func:`boomctl.identification.uncertainty_weight`
+        returns, from controls to measurements by name.  The plants are those of the family with any stable dynamics added, of
+        which each entry is bounded by the weight's entry at every frequency.  With a discrete controller the weight must be
+        strictly proper; the proof includes aliasing.
     injection_points : str or sequence of str, optional
-        As in :func:`boomctl.worst_case`, so that both accept the same arguments.  Names are checked; the result is the same
-        for all of them, because an injected signal changes no pole and all poles count.
+        As in :func:`boomctl.worst_case`, so that both accept the same arguments.  Names are checked; they do not change the
+        result, because an injected signal changes no pole.
     progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `progress_callback` hears whatever runs within it.
+        Called with a `Progress` at each stage.  If None, a progress line is shown after 3 s; `progress_callback` receives
+        the stages of all computations in its block.
 
     Returns
     -------
     RobustStability
-        Whether it was proved, or parameter values at which the loop is unstable.
+        Proof, or parameter values at which the loop is unstable.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; names that do not meet; controls that impose motion; a delay that the loop cannot have; bounds
-        that are not stable, or beside a controller that follows a parameter.
+        If a system has an unsupported type, signal names do not match, a control is a displacement, the loop cannot have this
+        delay, or `additive_uncertainty` is unstable or used with a controller that follows a parameter.
 
     Examples
     --------
@@ -204,7 +204,7 @@ def robust_stability(
         of(additive_uncertainty, "additive_uncertainty", "StateSpace")
         if isinstance(controller, ScheduledController):
             raise ValueError(
-                "`additive_uncertainty` must be None beside a controller that follows a parameter, got a bound."
+                "`additive_uncertainty` must be None for a controller that follows a parameter, got a bound."
             )
     loops = BoxLoops.of(family, controller, delay)
     if not isinstance(injection_points, Sequence) or injection_points:
@@ -221,7 +221,7 @@ def robust_stability(
         except ValueError as error:
             return RobustStability(False, None, 0, rate, worst, str(error))
         result = prove_box(parts, Statement(loops.stable), limit)
-        cells, bad = result.dear + result.cheap, result.refuted
+        cells, bad = result.parameter_cells + result.frequency_cells, result.refuted
         if bad is not None:
             return RobustStability(False, family.denormalize(bad), cells, loops.abscissa(bad), family.denormalize(bad))
         reason = ""
@@ -234,10 +234,10 @@ def robust_stability(
         alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.method)
         if additive_uncertainty is None or not result.proved:
             return alone
-        from boomctl.analysis.box.unmodelled import small_gain  # which brings worst cases
+        from boomctl.analysis.box.unmodeled import small_gain  # imports worst_case
 
         assert isinstance(loops.controller, Lti)
-        around = small_gain(family, loops.controller, additive_uncertainty, delay, WORTH * limit)
+        around = small_gain(family, loops.controller, additive_uncertainty, delay, COST_RATIO * limit)
     gain, below = around.lower_bound, around.upper_bound < 1.0
     if gain >= 1.0:
         reason = f"gain {gain:.4g} around what is not modeled at {listed_values(around.worst_values)}"
@@ -259,32 +259,31 @@ def robust_stability_margin(
     delay: float = 0.0,
     progress: "Listener | None" = None,
 ) -> RobustStabilityMargin:
-    """Return how many times the box may grow about its middle before the loop ``u = K y`` becomes unstable.
+    """Compute the scaling of the parameter box about its midpoint up to which the loop ``u = K y`` remains stable.
 
-    It is found by bisection over :func:`robust_stability` of the enlarged box.
+    The factor is computed by bisection over :func:`robust_stability` of the enlarged box.
 
     Parameters
     ----------
     family, controller, max_cells, delay
-        As for :func:`robust_stability`; of sampled loops, each enlarged box takes as long as one there.
+        See :func:`robust_stability`.
     max_factor : float
-        The box is not enlarged beyond this factor; where no instability is known up to there, ``upper_bound`` is
-        infinite.
+        Largest scaling of the box.  If no instability is known up to this factor, ``upper_bound`` is infinite.
     rtol : float
-        Wanted relative distance of the two bounds.
+        Relative gap between the bounds at which the search stops.
     progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `progress_callback` hears whatever runs within it.
+        Called with a `Progress` at each stage.  If None, a progress line is shown after 3 s; `progress_callback` receives
+        the stages of all computations in its block.
 
     Returns
     -------
     RobustStabilityMargin
-        A factor up to which the loop is proved stable, and one at which it is unstable.
+        Lower and upper bound of the factor.
 
     Raises
     ------
     TypeError, ValueError
-        As for :func:`robust_stability`; a factor or a tolerance out of range.
+        As in :func:`robust_stability`, or if a factor or a tolerance is out of range.
 
     Examples
     --------
@@ -301,26 +300,26 @@ def robust_stability_margin(
     middle = np.zeros(family.nparameters)
     if not loops.stable(middle):
         return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
-    # factors up to which it is proved, from which on it is not, at which no instability was found, and at which one was
-    good, ceiling, calm, bad, where, tried = 0.0, top, 0.0, inf, None, top
+    # Factors: largest proved, smallest unproved, largest without a known instability, smallest with one.
+    good, ceiling, calm, bad, where, factor = 0.0, top, 0.0, inf, None, top
     with computing("structured margin", progress):
         for _ in range(_PROOFS):
-            found = robust_stability(_enlarged(family, tried), controller, limit, delay=delay)
-            if found.destabilizing_values is None:
-                calm = max(calm, tried)
+            result = robust_stability(_enlarged(family, factor), controller, limit, delay=delay)
+            if result.destabilizing_values is None:
+                calm = max(calm, factor)
             else:
-                where = found.destabilizing_values
+                where = result.destabilizing_values
                 bad = float(np.abs(family.normalize(where)).max())
-            good, ceiling = (tried, ceiling) if found.proved else (good, min(ceiling, tried, bad))
+            good, ceiling = (factor, ceiling) if result.proved else (good, min(ceiling, factor, bad))
             unproved, unknown = ceiling - good, bad - calm if bad < inf else 0.0
             if max(unproved, unknown) <= 0.5 * close * ceiling:
                 break
-            tried = good + 0.5 * unproved if unproved >= unknown else calm + 0.5 * unknown
+            factor = good + 0.5 * unproved if unproved >= unknown else calm + 0.5 * unknown
     return RobustStabilityMargin(good, bad, where)
 
 
 def _enlarged(family: Family, factor: float) -> Family:
-    """Return a family over its box enlarged by a factor about its middle."""
+    """Return a family over its box enlarged by a factor about its midpoint."""
     middle, reach = 0.5 * (family.low + family.high), 0.5 * factor * (family.high - family.low)
     changes = tuple(
         (power, Slope(*(factor ** len(power) * getattr(change, letter) for letter in "MCKBL")))

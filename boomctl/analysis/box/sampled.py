@@ -1,8 +1,8 @@
-"""Sampled loops over a box of parameters as polynomials of these, for proofs.
+"""Sampled loops over a box of parameters as polynomials of the parameters, for proofs.
 
 From sample to sample the loop is ``x+ = A x + B w``, ``z = C x + D w``: exponentials of the parameters, whose Chebyshev
-series end soon, for over the box the phase of a mode turns by a few radians a sample at most.  What the series leave out is
-measured at points drawn, and counted ten times.
+series converge fast, because over the box the phase of a mode changes by at most a few radians per sample.  The truncation
+error of the series is estimated at random points and multiplied by ten.
 """
 
 from __future__ import annotations
@@ -25,19 +25,18 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.realization import realize
 
-_EXACT = 1e-9  # share of the largest entry that a polynomial may miss (a choice: far below what damps a loop)
-# The same of many parameters, whose products of different coordinates are left out: they count as what is missed does.
+_EXACT = 1e-9  # Largest error of a polynomial, relative to the largest entry: far below the damping of a loop.
+# The same for many parameters, where products of parameters of different coordinates are omitted and count as error.
 _COUPLED = 1e-6
-_DEGREE = 32  # of a parameter, which is enough to tell that it is too large (a choice)
-# points of a parameter's range at most, beyond which it is halved: coefficients of higher powers grow, and cancel (measured:
-# cells become too many where a mode turns by more than some two radians a sample over a part)
+_DEGREE = 32  # Largest degree in a parameter: enough to detect a range that is too wide.
+# Largest number of points in a parameter's range; a wider range is halved, because coefficients of higher powers cancel.
 _MOST_POINTS = 20
-_MOST_PARTS = 64  # of a box at most (a choice of patience)
-# ratio of the scales that balance a state matrix beyond which signals count, too (a choice: a boom's are 1e7 apart)
+_MOST_PARTS = 64  # Parts of a box are halved only while it has fewer than this number.
+# Ratio of the scales that balance a state matrix above which the scales follow the signals; 1e7 for a spray boom.
 _UNEVEN = 1e10
-_SPARE_POINTS = 2  # more than the last coefficient needs that is more than rounding (a choice)
+_SPARE_POINTS = 2  # Points in addition to those of the last coefficient above rounding error.
 _FAST = "the sampled loop changes too fast over the box"
-_SPARE = 10.0  # times what they miss there that they are taken to miss anywhere (a choice)
+_SPARE = 10.0  # Factor on the error at the random points that bounds the error everywhere.
 
 
 def sampled_parts(
@@ -45,12 +44,12 @@ def sampled_parts(
 ) -> list[LoopPart]:
     """Return the loops ``u = K y`` of a discrete controller, in parts that cover the box.
 
-    Without signals nothing drives or judges them.
+    Without signals the loops have neither inputs nor outputs.
 
     Raises
     ------
     ValueError
-        Loops that change too fast over the box.
+        If the loops change too fast over the box.
     """
     loop_at, size, result = sampled_loops(family, K, inputs, outputs, delay), family.nparameters, []
     waiting, groups = [Cell.whole(size)], _groups(family)
@@ -68,14 +67,14 @@ def sampled_parts(
 
 
 def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: Sequence[Sequence[int]]) -> LoopPart:
-    """Return the loop over a part of the box, known at so many points of each parameter's range."""
+    """Return the loop over a part of the box, interpolated at ``counts`` points of each parameter's range."""
     exact = _EXACT / SOLVED
     terms, off, miss = fitted(at, counts, at(tried_points(len(counts))), _negligible, exact, _FAST, groups)
     if miss > (_COUPLED / SOLVED if groups else exact):
         raise ValueError(f"{_FAST}: polynomials of it miss it by {miss * SOLVED:.2g}")
     A, B, C, D = (terms[letter] for letter in "ABCD")
     off_A, off_B, off_C, off_D = ({(): _SPARE * off[letter]} for letter in "ABCD")
-    if len(C) > 1 or len(D) > 1:  # what is judged becomes a state, a sample later: all gains stay what they are
+    if len(C) > 1 or len(D) > 1:  # outputs become states, delayed by one sample, which changes no gain
         p, n = C[()].shape
         A, B, off_A, off_B = stacked(A, C, p), stacked(B, D), stacked(off_A, off_C, p), stacked(off_B, off_D)
         C, D = {(): np.eye(p, n + p, n)}, {(): np.zeros_like(D[()])}
@@ -83,15 +82,15 @@ def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: S
 
 
 def image(A: Polynomial) -> dict[tuple[int, ...], Array]:
-    """Return the pencil ``[A + 1, A - 1]`` whose eigenvalues decay where those of ``A`` are below one in magnitude."""
+    """Return the pencil ``[A + 1, A - 1]``, which is stable if the eigenvalues of ``A`` are below one in magnitude."""
     eye = np.eye(len(A[()]))
     return {power: np.array([X, X] if power else [X + eye, X - eye]) for power, X in A.items()}
 
 
 def _groups(family: Family) -> list[list[int]]:
-    """Return the parameters of each coordinate of a family of many, whose coordinates are not coupled; otherwise none.
+    """Return the parameters of each coordinate of a family with many parameters and uncoupled coordinates; otherwise none.
 
-    From sample to sample such a coordinate moves by its own parameters; a controller with feedthrough couples it with others.
+    From sample to sample such a coordinate depends on its own parameters, unless a controller with feedthrough couples it.
     """
     changes = [change for _, change in family.coefficients]
     matrices = [getattr(item, letter) for item in (family.nominal, *changes) for letter in "MCK"]
@@ -110,13 +109,13 @@ def _groups(family: Family) -> list[list[int]]:
 def sampled_loops(
     family: Family, K: Lti, inputs: Sequence[str], outputs: Sequence[str], delay: float
 ) -> Callable[[Array], Lti]:
-    """Return what makes the sampled loop at a point of a box, in states that change smoothly with the parameters.
+    """Return a function of a point that returns the sampled loop, in states that change smoothly with the parameters.
 
-    Without signals nothing drives or judges it.  Places that nothing feels, as a hub's angle, are left out of it.
+    Without signals the loop has neither inputs nor outputs.  Ignorable coordinates, such as a hub's angle, are omitted.
     """
-    plants, given = _in_modes(family), family.nominal
-    read = [name for name in given.output_labels if name in {*K.input_labels, *outputs}]
-    driven = [name for name in given.input_labels if name in {*K.output_labels, *inputs}]
+    plants, nominal = _in_modes(family), family.nominal
+    read = [name for name in nominal.output_labels if name in {*K.input_labels, *outputs}]
+    driven = [name for name in nominal.input_labels if name in {*K.output_labels, *inputs}]
 
     def full(delta: Array) -> Lti:
         plant = plants.at(delta)
@@ -128,20 +127,20 @@ def sampled_loops(
 
     center = full(np.zeros(family.nparameters))
     eye = np.eye(len(center.A))
-    unfelt = [i for i in family._unfelt if (center.A[:, i] == eye[i]).all() and not center.C[:, i].any()]
-    kept = np.setdiff1d(np.arange(len(eye)), unfelt)
+    ignorable = [i for i in family._unfelt if (center.A[:, i] == eye[i]).all() and not center.C[:, i].any()]
+    states = np.setdiff1d(np.arange(len(eye)), ignorable)
 
     def at(delta: Array) -> Lti:
         loop = full(delta)
-        return Lti(loop.A[np.ix_(kept, kept)], loop.B[kept], loop.C[:, kept], loop.D, dt=loop.dt)
+        return Lti(loop.A[np.ix_(states, states)], loop.B[states], loop.C[:, states], loop.D, dt=loop.dt)
 
     return at
 
 
 def _in_modes(family: Family) -> Family:
-    """Return a family over the modes of its middle, which keep digits that a fine mesh would lose.
+    """Return a family over the modes of its nominal plant, which avoid the cancellation of a fine mesh.
 
-    One without real modes, or with coordinates that nothing feels, stays as it is.
+    A family without real modes, or with ignorable coordinates, is returned unchanged.
     """
     center = family.nominal
     try:
@@ -159,14 +158,14 @@ def _in_modes(family: Family) -> Family:
 
 
 def _matrices(loop_at: Callable[[Array], Lti], cell: Cell) -> Functions:
-    """Return what gives stacked matrices, balanced in the middle of a part of a box, at points of the part."""
+    """Return a function of points of a part of a box that returns stacked matrices, balanced at the part's midpoint."""
     middle = loop_at(cell.middle)
     scale = balance(middle.A)[1]
-    if scale.max() > _UNEVEN * scale.min():  # of states that hardly act on others nothing else holds the scales
+    if scale.max() > _UNEVEN * scale.min():  # the scales of weakly coupled states are arbitrary
         scale = signal_scales(middle.A, middle.B, middle.C)
 
-    def at(places: Sequence[Array]) -> dict[str, Array]:
-        loops = [loop_at(cell.point(place)) for place in places]
+    def at(points: Sequence[Array]) -> dict[str, Array]:
+        loops = [loop_at(cell.point(point)) for point in points]
         A, B, C, D = (np.array([getattr(loop, letter) for loop in loops]) for letter in "ABCD")
         return {"A": A * scale / scale[:, None], "B": B / scale[:, None], "C": C * scale, "D": D}
 

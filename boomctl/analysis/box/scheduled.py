@@ -1,4 +1,4 @@
-"""Controllers whose matrices follow a signal: designed at some of its values, in straight lines between them."""
+"""Gain-scheduled controllers, whose matrices are interpolated linearly between the values of a signal."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class ScheduledController:
-    """A controller whose matrices follow a signal that it reads; :func:`boomctl.gain_schedule` makes it.
+    """Controller whose matrices depend on a measured signal, as returned by :func:`boomctl.gain_schedule`.
 
-    At a value ``w`` of the signal it is ``x' = A(w) x + B(w) y``, ``u = C(w) x + D(w) y``; between neighbors among
-    ``values`` each matrix runs in a straight line, and beyond the first and the last it stays as it is there.
+    At a value ``w`` of the signal it is ``x' = A(w) x + B(w) y``, ``u = C(w) x + D(w) y``.  Between adjacent ``values`` each
+    matrix is interpolated linearly; outside their range the matrices of the nearest value are used.
 
     Attributes
     ----------
     signal : str
-        The measurement that is followed.
+        Scheduling signal, one of the measurements.
     values : (k,) ndarray
-        Values of it, ascending, at which there are matrices.
+        Values of the scheduling signal, ascending.
     A, B, C, D : ndarray
-        The matrices at each value, (k, n, n), (k, n, p), (k, m, n), (k, m, p).
+        Matrices at each value, (k, n, n), (k, n, p), (k, m, n), (k, m, p).
     input_labels, output_labels, state_labels : tuple of str
-        Names; ``signal`` is one of the inputs, with columns of zeros where no controller reads it.
+        Names.  ``signal`` is one of the inputs, with columns of zeros if no controller uses it.
     dt : float
-        Sampling time [s]; 0 in continuous time.
+        Sampling time [s]; 0 for continuous time.
 
     Examples
     --------
@@ -73,8 +73,8 @@ class ScheduledController:
         )
 
     @property
-    def _place(self) -> int:
-        """Which of the inputs the signal is."""
+    def _signal_index(self) -> int:
+        """Index of the scheduling signal among the inputs."""
         return self.input_labels.index(self.signal)
 
     @cached_property
@@ -84,22 +84,22 @@ class ScheduledController:
         return tuple(Lti(*item, *both) for item in zip(self.A, self.B, self.C, self.D, strict=True))
 
     def at(self, value: float) -> control.StateSpace:
-        """Return the controller as it is while the signal stays at a value.
+        """Return the controller at a constant value of the signal.
 
         Parameters
         ----------
         value : float
-            Of the signal, in its unit.
+            Value of the signal, in its unit.
 
         Returns
         -------
         control.StateSpace
-            ``u = K y``.
+            Controller with ``u = K y``.
 
         Raises
         ------
         TypeError, ValueError
-            Not a finite number.
+            If `value` is not a finite number.
         """
         return frozen(self, real(self.signal, value)).statespace("controller")
 
@@ -109,28 +109,28 @@ class ScheduledController:
         Parameters
         ----------
         references : str or sequence of str
-            Measurements from which a reference is taken before the matrices meet them; each brings an input more, of the
-            measurement's name with ``_reference`` behind it.  The schedule follows the measurement itself.
+            Measurements from which a reference is subtracted before they enter the matrices.  Each adds an input with the
+            name of the measurement and the suffix ``_reference``.  The schedule follows the measurement itself.
 
         Returns
         -------
         control.NonlinearIOSystem
-            From the measurements, then the references, to the controls, by their names; of the controller's time.
+            System from the measurements and the references to the controls, with the time step of the controller.
 
         Raises
         ------
         TypeError, ValueError
-            Unknown measurements.
+            If a name is not a measurement.
         """
         from boomctl.lti.python_control import control
 
         wanted = names("reference", references, self.input_labels)
-        places, p = [self.input_labels.index(name) for name in wanted], len(self.input_labels)
+        rows, p = [self.input_labels.index(name) for name in wanted], len(self.input_labels)
 
         def split(u: Any) -> tuple[Lti, Array]:
             read = np.array(u[:p], dtype=float)
-            here = frozen(self, float(read[self._place]))
-            read[places] -= u[p:]
+            here = frozen(self, float(read[self._signal_index]))
+            read[rows] -= u[p:]
             return here, read
 
         def update(t: float, x: Any, u: Any, params: Any) -> Array:
@@ -143,12 +143,12 @@ class ScheduledController:
 
         inputs = [*self.input_labels, *(f"{name}_reference" for name in wanted)]
         states = list(self.state_labels) or self.A.shape[1]
-        given = {"inputs": inputs, "outputs": list(self.output_labels), "states": states, "dt": self.dt}
-        return control.nlsys(update, output, **given, name="scheduled_controller")
+        signals = {"inputs": inputs, "outputs": list(self.output_labels), "states": states, "dt": self.dt}
+        return control.nlsys(update, output, **signals, name="scheduled_controller")
 
 
 def frozen(controller: ScheduledController, value: float) -> Lti:
-    """Return a scheduled controller as it is at a value of its signal."""
+    """Return a scheduled controller at a value of its signal."""
     K = controller
     w = [float(np.interp(value, K.values, unit)) for unit in np.eye(len(K.values))]
     A, B, C, D = (np.tensordot(w, X, 1) for X in (K.A, K.B, K.C, K.D))
@@ -159,34 +159,33 @@ def frozen(controller: ScheduledController, value: float) -> Lti:
 def gain_schedule(
     controllers: Sequence[control.StateSpace], values: ArrayLike, signal: str = "hub_speed"
 ) -> ScheduledController:
-    """Return one controller of several, each designed at a value of a signal: its matrices run in straight lines between.
+    """Return a gain-scheduled controller that interpolates linearly between controllers designed at values of a signal.
 
-    States must mean the same in all of them, or what stands between two is no controller at all.  They do where each is
-    a regulator with an observer of the same plant (:func:`boomctl.lqg`, :func:`boomctl.lqr`) or of the same structure;
-    controllers that were balanced or reduced each for itself do not.  :func:`boomctl.robust_stability` shows whether
-    every controller between them is stable with its plant while the signal is constant; no proof covers a changing signal,
-    which :func:`boomctl.simulate_loop` simulates.
+    The states of all controllers must have the same meaning; otherwise the interpolated controllers are meaningless.  This is
+    the case for regulators with an observer of the same plant (:func:`boomctl.lqg`, :func:`boomctl.lqr`) or of the same
+    structure, but not for controllers that were balanced or reduced separately.  :func:`boomctl.robust_stability` proves
+    stability at every constant value of the signal.  No proof covers a changing signal; use :func:`boomctl.simulate_loop`.
 
     Parameters
     ----------
     controllers : sequence of control.StateSpace
-        Two or more, of the same signals, number of states and time.
+        Two or more controllers with the same signals, number of states and time step.
     values : (k,) array_like
-        Values of the signal, ascending, one a controller.
+        Values of the signal, ascending, one for each controller.
     signal : str
-        The measurement that the matrices follow; in :func:`boomctl.robust_stability` the parameter of that name.  It
-        becomes an input where the controllers do not read it.
+        Scheduling signal: a measurement, and in :func:`boomctl.robust_stability` the parameter of this name.  It becomes an
+        input if the controllers do not use it.
 
     Returns
     -------
     ScheduledController
-        For :func:`boomctl.simulate_loop`, :func:`boomctl.robust_stability`, and ``.to_nlsys()`` for python-control.
+        Controller for :func:`boomctl.simulate_loop` and :func:`boomctl.robust_stability`.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; fewer than two; signals, numbers of states or times that differ; values that do not
-        ascend.
+        If a system has an unsupported type, there are fewer than two controllers, their signals, numbers of states or time
+        steps differ, or `values` are not ascending.
 
     Examples
     --------
@@ -201,26 +200,26 @@ def gain_schedule(
     ScheduledController: 0 states, hub_angle, ... (6) -> torque
       over hub_speed: 3 controllers from 0 to 6, straight lines between them
     """
-    given = [
+    systems = [
         of(item, f"controllers[{i}]", expected="StateSpace", any_time=True)
         for i, item in enumerate(sequence("controllers", controllers, "StateSpace"))
     ]
-    for item in given:
+    for item in systems:
         check_scales(item)
-    places = finite_array("values", values, ndim=1)
-    if len(given) < 2 or len(places) != len(given):
+    nodes = finite_array("values", values, ndim=1)
+    if len(systems) < 2 or len(nodes) != len(systems):
         raise ValueError(
-            f"values: expected one for each of two or more controllers, got {len(places)} and {len(given)} controllers"
+            f"values: expected one for each of two or more controllers, got {len(nodes)} and {len(systems)} controllers"
         )
-    if not (np.diff(places) > 0.0).all():
-        raise ValueError(f"values = {shown(places.tolist())}: expected ascending ones")
-    first, followed = given[0], signal_name("signal", signal)
-    for i, item in enumerate(given):
+    if not (np.diff(nodes) > 0.0).all():
+        raise ValueError(f"values = {shown(nodes.tolist())}: expected ascending ones")
+    first, followed = systems[0], signal_name("signal", signal)
+    for i, item in enumerate(systems):
         for what in ("input_labels", "output_labels", "dt", "nstates"):
             own, wanted = (len(K.A) if what == "nstates" else getattr(K, what) for K in (item, first))
             if own != wanted:
                 raise ValueError(f"controllers[{i}]: expected the {what} of the first, {wanted}, got {own}")
     inputs = first.input_labels if followed in first.input_labels else (*first.input_labels, followed)
-    A, B, C, D = (np.array([getattr(item, letter) for item in given]) for letter in "ABCD")
+    A, B, C, D = (np.array([getattr(item, letter) for item in systems]) for letter in "ABCD")
     B, D = (np.pad(X, ((0, 0), (0, 0), (0, len(inputs) - X.shape[2]))) for X in (B, D))
-    return ScheduledController(followed, places, A, B, C, D, inputs, first.output_labels, first.state_labels, first.dt)
+    return ScheduledController(followed, nodes, A, B, C, D, inputs, first.output_labels, first.state_labels, first.dt)

@@ -1,4 +1,4 @@
-"""The worst case of a loop over a box of parameters, from both sides: the worst point found, and a bound proved over all."""
+"""Worst-case norm of a loop over a box of parameters: worst point of a search, and a proved upper bound."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -10,7 +10,7 @@ import numpy as np
 from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.polynomials import stable, value_at
-from boomctl.analysis.box.prove import WORTH, BoxProof, Statement, prove_box
+from boomctl.analysis.box.prove import COST_RATIO, BoxProof, Statement, prove_box
 from boomctl.analysis.h2 import matrices_h2_norm
 from boomctl.analysis.loops import sign_advice
 from boomctl.analysis.norm import NAMES, NormBounds, matrices_norm
@@ -30,38 +30,38 @@ if TYPE_CHECKING:
     from boomctl.analysis.box.level import LoopPart
     from boomctl.analysis.box.scheduled import ScheduledController
 
-_CELLS = 60_000  # most cells that are tried at one level (a choice of patience: some ten seconds)
-_LARGEST = 1.0  # a tolerance beyond which a bound says nothing (a choice)
-_LOOSER = 10.0  # times the tolerance: the next level where cells run out (a choice)
-_LOOSENED = 2  # times at most (a choice)
+_CELLS = 60_000  # Largest number of cells at one level: about ten seconds.
+_LARGEST = 1.0  # Largest tolerance.
+_LOOSER = 10.0  # Factor on the tolerance when the cell budget is exhausted.
+_LOOSENED = 2  # Largest number of such increases.
 _LOST = "the loop is unstable there, or undamped"
-_CHECKED = 8  # points drawn in the box at which a bound is tried again (a choice)
-_COMPARED = 3  # points drawn at which the loops that are proved are compared with those closed anew (a choice)
-_SAME = 1e-6  # relative distance of norms, as far as certified, by two routes that are the same (a choice)
+_CHECKED = 8  # Random points of the box at which a bound is checked.
+_COMPARED = 3  # Random points at which the loops of the proof are compared with the loops that define the norm.
+_SAME = 1e-6  # Relative difference of certified norms by two methods that count as equal.
 
 
 @dataclass(frozen=True)
 class WorstCase:
-    """The largest norm over a box of parameters: the largest found, and for the H-infinity norm what none exceeds.
+    """Worst-case norm over a box of parameters: the largest computed norm, and an upper bound of the H-infinity norm.
 
     Attributes
     ----------
     worst_norm : NormBounds
-        The norm at the worst point found; infinite where the loop is unstable.
+        Norm at the worst point of the search; infinite if the loop is unstable there.
     worst_values : dict
-        Parameter values of that point.
+        Parameter values of this point.
     nominal : NormBounds
-        The norm in the middle of the box.
+        Norm at the midpoint of the box.
     nfev : int
-        Number of points tried.
+        Number of points evaluated.
     upper_bound : float
-        The norm is proved to be below this at every point of the box; ``inf`` where none is.
+        Proved upper bound of the norm at every point of the box; ``inf`` without a proof.
     cells : int
-        Cells in which it was proved.
+        Number of cells of the proof.
     message : str
-        Why no bound was proved; empty where one was.
+        Reason why no bound was proved; empty if one was.
     method : str
-        How many cells of which kind proved it; empty where none was.
+        Numbers of cells of each kind in the proof; empty without a proof.
     """
 
     worst_norm: NormBounds
@@ -75,12 +75,12 @@ class WorstCase:
 
     @property
     def lower_bound(self) -> float:
-        """The largest norm found: that of ``worst_norm``."""
+        """Largest computed norm: the lower bound of ``worst_norm``."""
         return self.worst_norm.lower_bound
 
     @property
     def relative_gap(self) -> float:
-        """How far the bound lies above the worst point found, relative."""
+        """Relative gap between the upper and the lower bound."""
         return self.upper_bound / self.lower_bound - 1.0 if 0.0 < self.lower_bound < inf else 0.0
 
     def __repr__(self) -> str:
@@ -107,7 +107,7 @@ class WorstCase:
         )
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the metrics for a comparison."""
         return {
             "worst case found over the box": self.worst_norm.lower_bound,
             "worst case at most, proved": self.upper_bound,
@@ -129,56 +129,54 @@ def worst_case(
     injection_points: "str | Sequence[str]" = (),
     progress: "Listener | None" = None,
 ) -> WorstCase:
-    """Return the largest norm of the loop ``u = K y`` over a box of parameters, the H-infinity norm from both sides.
+    """Compute bounds on the worst-case norm of the loop ``u = K y`` over a parameter box.
 
-    From below, the box's middle, faces and corners are tried, then the neighborhood of the worst of them, and the middles of
-    cells that resist a proof.  From above, the box is cut until in each cell no singular value can reach the level: cells of
-    parameters, and at every fifth halving smaller ones of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).
-    A bound proves besides that the loop is stable over the box.
+    The lower bound is computed by a local search from the midpoint, faces and vertices of the box, and from the midpoints of
+    cells that resist a proof; the upper bound by branch and bound: the box is cut until in each cell no singular value can
+    reach the level.  Cells are boxes of parameters, and at every fifth halving smaller boxes of parameters and frequencies
+    (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust stability over the box.
 
-    A discrete controller makes sampled loops, as :func:`boomctl.feedback_loop` has them: disturbances are held from sample to
-    sample, and outputs are those at the samples.  The loop is then a polynomial of the parameters
-    (:mod:`boomctl.analysis.box.sampled`): what it misses is measured at points drawn, and counted ten times.
+    A discrete controller defines sampled loops, as in :func:`boomctl.feedback_loop`: disturbances are held between samples,
+    and outputs are taken at the samples.  The loop is then approximated by a polynomial of the parameters
+    (:mod:`boomctl.analysis.box.sampled`); its error is estimated at random points and multiplied by ten.
 
     Parameters
     ----------
     family : AffineFamily or PolynomialFamily
-        The plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam returns; its controls are forces.
+        Plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam.  Its control inputs must be forces.
     controller : control.StateSpace or ScheduledController
-        ``u = K y``; its inputs are outputs of the family, its outputs inputs of it.  One that follows a parameter of the
-        family (:func:`boomctl.gain_schedule`) is taken at each constant value, as in :func:`boomctl.robust_stability`.
+        Controller with ``u = K y``.  Signals are matched by name.  A controller that follows a parameter of the family
+        (:func:`boomctl.gain_schedule`) is evaluated at each constant value, as in :func:`boomctl.robust_stability`.
     inputs, outputs : str or sequence of str, optional
-        Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is taken; by default from all
-        disturbances and injected signals to all outputs of the family.
+        Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is computed.  If None, all
+        disturbances and injected signals, and all outputs of the family.
     norm : {"hinf", "h2"}
-        Largest singular value over frequency, or RMS of the outputs to white noise.  Of the H2 norm only the worst point
-        is looked for; no bound is proved, and ``message`` says so.
+        Largest singular value over frequency, or RMS of the outputs to white noise.  The H2 norm has no upper bound.
     rtol : float or None
-        How far the bound may lie above the worst point found, relative.  Where that would take too many cells, ten and a
-        hundred times as much is tried.  None: no bound is asked for.
+        Relative gap between the bounds at which the search stops.  If this takes too many cells, ten times and a hundred
+        times the gap are used.  If None, no upper bound is computed.
     max_cells : int
-        About the largest number of cells of parameters and frequencies tried at one level in a part of the box, of which
-        most boxes are one; of parameters alone, which take longer, are at most one in 150 of it.
+        Approximate limit on the number of cells of parameters and frequencies at one level in a part of the box (most boxes
+        have one part).  The limit on cells of parameters alone, which take longer, is 1/150 of it.
     delay : float, optional
-        Time between a sample and the moment its control acts [s]; only with a discrete controller.
+        Computation delay [s].  Requires a discrete-time controller.
     injection_points : str or sequence of str, optional
-        Controls and measurements at which a signal is injected, as in :func:`boomctl.feedback_loop`: ``inputs`` then may
-        name ``"force_injected"``, a disturbance at the control input ``"force"``.
+        Controls and measurements at which a signal is injected, as in :func:`boomctl.feedback_loop`: ``inputs`` may then
+        contain ``"force_injected"``, a disturbance at the control input ``"force"``.
     progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `progress_callback` hears whatever runs within it.
+        Called with a `Progress` at each stage.  If None, a progress line is shown after 3 s; `progress_callback` receives
+        the stages of all computations in its block.
 
     Returns
     -------
     WorstCase
-        The norm, the parameter values at which it was found, the bound that none exceeds, and the norm in the middle of
-        the box.
+        Bounds, worst-case parameter values, and norm at the midpoint of the box.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; names that do not meet; controls that impose motion, of a controller in continuous time; a
-        delay that the loop cannot have; unknown signals or norm; a tolerance or a number of cells out of range.
+        If a system has an unsupported type, signal names do not match, a control of a continuous-time controller is a
+        displacement, the loop cannot have this delay, or `inputs`, `outputs`, `norm`, `rtol` or `max_cells` is invalid.
 
     Examples
     --------
@@ -207,7 +205,7 @@ def worst_case(
         return matrices_h2_norm(loop) if norm == "h2" else matrices_norm(loop.balanced())
 
     def at(delta: Array) -> Any:
-        """Return the certificate of the norm at a point."""
+        """Return the norm bounds at a point."""
         return norm_at(delta.tobytes())
 
     def peak(point: Array) -> float:
@@ -215,13 +213,13 @@ def worst_case(
         return at(point).lower_bound
 
     with computing("worst case", progress):
-        delta, _, tried = pattern_search(peak, family.nparameters, 1.0)
+        delta, _, nfev = pattern_search(peak, family.nparameters, 1.0)
         middle = np.zeros(family.nparameters)
         nominal, bound, proof = at(middle), inf, BoxProof(False)
         if norm == "h2":
             reason = "found, not proved: an H2 norm"
         elif wanted is None:
-            reason = "none was asked for"
+            reason = "none was requested"
         elif at(delta).lower_bound == inf:
             reason = _LOST
         else:
@@ -232,12 +230,12 @@ def worst_case(
     if nominal.lower_bound == inf and isinstance(loops.controller, Lti):
         advice = sign_advice(of(family.at(middle), sampled=True), loops.controller, loops.delay)
         reason = f"{reason}; {advice}" if advice else reason
-    cells = proof.dear + proof.cheap
-    return WorstCase(at(delta), family.denormalize(delta), nominal, tried, bound, cells, reason, proof.method)
+    cells = proof.parameter_cells + proof.frequency_cells
+    return WorstCase(at(delta), family.denormalize(delta), nominal, nfev, bound, cells, reason, proof.method)
 
 
 class _Level(Statement):
-    """That no norm over a box reaches a level, which is raised where a worse point is met, and where cells run out."""
+    """Statement that no norm over a box reaches a level, which rises at a worse point or when the cells are exhausted."""
 
     def __init__(self, at: "Callable[[Array], NormBounds]", worst: Array, gap: float) -> None:
         self.at, self.worst, self.lower, self.gap, self.loosened = at, worst, at(worst).lower_bound, gap, 0
@@ -246,7 +244,7 @@ class _Level(Statement):
     def met(self, gain: float, point: Array) -> None:
         if gain > self.lower * (1.0 + _SAME):
             worst, most, _ = pattern_search(lambda d: self.at(d).lower_bound, len(point), 1.0, point)
-            if most > self.lower:  # a gain of the polynomials may lie above that of the loop
+            if most > self.lower:  # the gain of the polynomials may exceed the loop's
                 self.worst, self.lower = worst, most
             if self.lower * (1.0 + 0.5 * self.gap) > self.level:
                 self.level = self.lower * (1.0 + self.gap)
@@ -263,19 +261,19 @@ class _Level(Statement):
         return True
 
 
-def _proved(loops: BoxLoops, judged: Lti, level: _Level, limit: int) -> tuple[BoxProof, str]:
-    """Prove a level between the signals of a loop, and return why it is not proved."""
+def _proved(loops: BoxLoops, loop: Lti, level: _Level, limit: int) -> tuple[BoxProof, str]:
+    """Prove that a loop's gain stays below a level; return the proof, and the reason if it failed."""
     try:
-        parts = loops.parts(judged.input_labels, judged.output_labels)
+        parts = loops.parts(loop.input_labels, loop.output_labels)
     except ValueError as error:
         return BoxProof(False), str(error)
     if reason := _hindrance(parts, level):
         return BoxProof(False), reason
-    result = prove_box(parts, level, limit / WORTH)
+    result = prove_box(parts, level, limit / COST_RATIO)
     if result.proved:
         drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_CHECKED, len(level.worst)))
         if max(level.at(point).lower_bound for point in drawn) > level.level:
-            raise ArithmeticError(f"worst_case: a norm above the level proved, {level.level:.9g}, at a point drawn")
+            raise ArithmeticError(f"worst_case: a norm at a random point exceeds the proved level {level.level:.9g}.")
         return result, ""
     if result.refuted is not None:
         level.worst = result.refuted
@@ -285,19 +283,19 @@ def _proved(loops: BoxLoops, judged: Lti, level: _Level, limit: int) -> tuple[Bo
 
 
 def _hindrance(parts: "Sequence[LoopPart]", level: _Level) -> str:
-    """Return why there is no bound to be looked for; empty where there may be one.
+    """Return the reason why no bound can be proved; empty if there is none.
 
-    The loops that are proved are those whose norms were found: they are compared at the worst point, or what is nearest to it
-    in a part of the box, in the middle, and at points drawn.
+    The loops of the proof must be those whose norms were computed: both are compared at the worst point, or the nearest point
+    in a part of the box, at the midpoint, and at random points.
     """
     for part in parts:
         nearest = np.clip((level.worst - part.cell.middle) / part.cell.reach, -1.0, 1.0)
         drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(nearest)))
         for point in (nearest, 0.0 * nearest, *drawn):
             if not stable(value_at(part.pencils, point)):
-                return "a pole that does not decay hides from these signals"
+                return "a pole that is not stable is unobservable or uncontrollable from these signals"
             here, there = level.at(part.cell.point(point)), matrices_norm(part.at(point))
             known = [(x.lower_bound, x.upper_bound if x.verified else x.lower_bound) for x in (here, there)]
             if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
-                return f"two routes to the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
-    return "" if level.lower > 0.0 else "nothing comes through at any point tried"
+                return f"two methods for the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
+    return "" if level.lower > 0.0 else "the norm is zero at all evaluated points"

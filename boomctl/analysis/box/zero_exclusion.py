@@ -1,17 +1,17 @@
 """Proof that no eigenvalue of ``E(delta) x' = A(delta) x`` crosses the imaginary axis within a cell of parameters.
 
-In the eigenvectors of the cell's center the pencil ``s E - A`` is diagonal but for what the parameters change.  What
-they change on the diagonal moves each pole by itself, exactly accounted for: in a lightly damped structure mostly along
-the axis, which a small-gain test would take for a loss of damping.  What they change off the diagonal couples the
-modes.  At a frequency the pencil is regular over the whole cell if the matrix of the couplings, each row divided by the
-least modulus of its diagonal entry, has a spectral radius below one (a diagonal scaling then makes it diagonally
-dominant).  Moduli and couplings are bounded over intervals of frequency that cover the axis, infinity included: the
-entries are multilinear in frequency and the products of parameters, so their values lie in the convex hull of those at
-the corners, and couplings, convex in frequency, are largest at an interval's ends.  Products of more than three
-parameters, which only matrices that are polynomials of them bring, are small and count by their magnitudes.  Any
-positive vector ``x`` bounds the radius of a nonnegative matrix by the largest ``(H x)_k/x_k`` (Collatz & Wielandt).  An
-interval that fails is cut; a cell is given up at once where a single frequency fails, for then no cut helps.  The
-eigenvectors follow the parameters to first order, so that the couplings are of second order.
+In the eigenvectors at the cell's midpoint the pencil ``s E - A`` is diagonal except for the changes by the parameters.
+Changes of the diagonal shift each pole separately and are accounted for exactly: in a lightly damped structure the shift is
+mostly along the axis, which a small-gain test would treat as a loss of damping.  Changes off the diagonal couple the modes.
+At a frequency the pencil is regular over the entire cell if the matrix of the couplings, each row divided by the least
+modulus of its diagonal entry, has a spectral radius below one (a diagonal scaling then makes the pencil diagonally dominant).
+Moduli and couplings are bounded over intervals of frequency that cover the axis, infinity included: the entries are
+multilinear in frequency and the products of parameters, so their values are in the convex hull of the values at the
+vertices, and couplings, convex in frequency, are largest at an end of an interval.  Products of more than three parameters,
+which occur only in matrices that are polynomials of them, are small and count by their magnitudes.  Any positive vector ``x``
+bounds the radius of a nonnegative matrix by the largest ``(H x)_k/x_k`` (Collatz & Wielandt).  An interval that fails is cut;
+if a single frequency fails, the cell fails at once, because no cut helps.  The eigenvectors follow the parameters to first
+order, so that the couplings are of second order.
 """
 
 from collections.abc import Mapping
@@ -27,31 +27,31 @@ from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS, TINY
 
-# directions in which a diagonal may stay from zero: within 8 % of the best (cos 22.5)
+# Directions for lower bounds of a modulus: the best is within 8 % of the modulus (cos 22.5 deg).
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
-_TURN = 0.5  # most that eigenvectors follow a parameter across its range: beyond, first order is no help (a choice)
-# places around a resonance, in half-widths, at which intervals are cut first (a choice)
+_TURN = 0.5  # Largest first-order change of eigenvectors across a parameter's range; larger entries are not followed.
+# Ends of the first intervals around a resonance, in half-widths.
 _WIDTHS = np.array([-27.0, -3.0, 3.0, 27.0])
-TOP = 4.0  # where the last interval begins, relative to the fastest pole: from there on nothing resonates (a choice)
-_DEPTH = 5  # how often intervals that fail are cut (a choice)
-_PARTS = 4  # into how many
-_SWEEPS = 20  # of the power iteration at most (a choice)
-_BATCH = 2**17  # entries of the matrices handled at once: what stays in the cache
-_ROUNDING = 32.0 * EPS  # of sums of products of a few terms each
-BELOW = 1.0 - 1e-10  # below one by more than the rounding of a matrix times a vector
-_LEAST = 1e-12  # smallest entry of the vector, relative: without it, entries could vanish
-_CLOSE = 1e-4  # share of the narrowest half-width that no interval is narrower than, so that none is empty
-_PRODUCTS = 3  # parameters in a product whose matrix keeps its phases; longer products are small (a choice)
-_ASKED = 4  # of the hardest frequencies, whose spectral radius is computed (a choice)
+TOP = 4.0  # Start of the last interval, relative to the fastest pole: no resonances above it.
+_DEPTH = 5  # Largest number of subdivisions of an interval that fails.
+_PARTS = 4  # Parts of a subdivided interval.
+_SWEEPS = 20  # Largest number of power iterations.
+_BATCH = 2**17  # Entries of the matrices in one batch, which fit into the cache.
+_ROUNDING = 32.0 * EPS  # Rounding error of sums of products of a few terms.
+BELOW = 1.0 - 1e-10  # Below one by more than the rounding error of a matrix-vector product.
+_LEAST = 1e-12  # Smallest entry of the vector, relative to the largest, so that no entry vanishes.
+_CLOSE = 1e-4  # Smallest width of an interval relative to the narrowest half-width, so that no interval is empty.
+_PRODUCTS = 3  # Largest order of a product whose matrix is stored with phases; longer products are small.
+_CANDIDATES = 4  # Number of critical frequencies at which the spectral radius is computed.
 
 
 @dataclass(frozen=True)
 class _Modes:
-    """The pencil over a cell, ``sum_t w_t (s E_t - A_t)`` and ``s - poles`` on the diagonal, ``low <= w <= high``.
+    """Pencil over a cell, ``sum_t w_t (s E_t - A_t)`` and ``s - poles`` on the diagonal, ``low <= w <= high``.
 
-    Of the first ``exact`` terms the diagonal is accounted for exactly; of the others, small ones, in magnitude.
-    ``powers[t, i]`` tells how often the weight of a term has parameter ``i`` as a factor.  What is left besides has entries
-    of at most ``rest[0]`` and ``rest[1]`` in E and A.
+    The diagonals of the first ``exact`` terms are accounted for exactly; those of the other, small terms in magnitude.
+    ``powers[t, i]`` is the power of parameter ``i`` in the weight of term ``t``.  The entries of the remainder are at most
+    ``rest[0]`` in E and ``rest[1]`` in A.
     """
 
     poles: Array
@@ -64,9 +64,9 @@ class _Modes:
     rest: tuple[Array, Array]
 
     def halved(self, axis: int) -> "_Modes":
-        """Return the same over the middle half of a parameter's range."""
-        share = 0.5 ** self.powers[:, axis]
-        return replace(self, low=share * self.low, high=share * self.high)
+        """Return the pencil over the central half of a parameter's range."""
+        factor = 0.5 ** self.powers[:, axis]
+        return replace(self, low=factor * self.low, high=factor * self.high)
 
     @property
     def size(self) -> Array:
@@ -81,16 +81,15 @@ class _Modes:
 
 
 Factors = tuple[Array, Array]
-"""Two matrices in place of their product."""
+"""Two factors of a matrix."""
 
 
-def axis_to_halve(terms: Polynomial, cell: Cell, holds: bool, missed: Array) -> int | None:
-    """Return None where no eigenvalue is imaginary anywhere in a cell; otherwise the parameter to be halved next.
+def axis_to_halve(terms: Polynomial, cell: Cell, holds: bool, error: Array) -> int | None:
+    """Return None if no eigenvalue is imaginary anywhere in a cell; otherwise the parameter to be halved next.
 
-    ``holds`` tells whether what is to be proved is true in its middle; ``missed`` is by how much entries of ``E`` and ``A``
-    may be off.
+    ``holds`` is True if the statement holds at the midpoint; ``error`` bounds the errors of the entries of ``E`` and ``A``.
     """
-    modes = _modes(about(terms, cell.middle), cell.reach, missed) if holds else None
+    modes = _modes(about(terms, cell.middle), cell.reach, error) if holds else None
     if modes is None:
         return int(np.argmax(cell.reach))
     point = _unexcluded_frequency(modes)
@@ -98,7 +97,7 @@ def axis_to_halve(terms: Polynomial, cell: Cell, holds: bool, missed: Array) -> 
         return None
 
     def left(axis: int) -> tuple[bool, float]:
-        """Return how much couples the modes there, the range of a parameter halved."""
+        """Return a measure of the coupling of the modes at the point, with the range of a parameter halved."""
         half = modes.halved(axis)
         coupling = _couplings(_squares(half), point[None]).reshape(modes.E.shape[1:])
         distance = _along(half, point[None])[:, 0].max(axis=0)
@@ -109,41 +108,41 @@ def axis_to_halve(terms: Polynomial, cell: Cell, holds: bool, missed: Array) -> 
     return min(range(len(cell.reach)), key=left)
 
 
-def _modes(local: Polynomial, reach: Array, missed: Array) -> _Modes | None:
+def _modes(local: Polynomial, reach: Array, error: Array) -> _Modes | None:
     E, A = local[()]
     try:
         state = np.linalg.solve(E, A)
         balanced, scale = balance(state)
         poles, V = linalg.eig(balanced)  # type: ignore[misc]
-        V = V.astype(complex) * np.asarray(scale)[:, None]  # of real poles alone they come as real numbers
+        V = V.astype(complex) * np.asarray(scale)[:, None]  # real if all poles are real
         W = np.linalg.inv(E @ V)
     except np.linalg.LinAlgError:  # a singular E
         return None
 
     def factors(X: Array) -> tuple[Array, Array]:
-        rows = np.flatnonzero(X.any(axis=1))  # A parameter changes few rows: factors of low rank make products cheap.
+        rows = np.flatnonzero(X.any(axis=1))  # A parameter changes few rows: products of low-rank factors are fast.
         return W[:, rows], X[rows] @ V
 
     both = {power: (factors(pencil[0]), factors(pencil[1])) for power, pencil in local.items()}
     eye = np.eye(len(poles), dtype=complex)
     rounding = [F @ G - X for (F, G), X in zip(both.pop(()), (eye, np.diag(poles)), strict=True)]
     both[(-1,)] = (eye, rounding[0]), (eye, rounding[1])
-    off = np.abs(W) @ missed @ np.abs(V)
+    off = np.abs(W) @ error @ np.abs(V)
     finite = all(np.isfinite(X).all() for pair in both.values() for item in pair for X in item)
     return _straightened(poles, both, reach, off) if finite else None
 
 
 def _straightened(
-    poles: Array, changes: Mapping[tuple[int, ...], tuple[Factors, Factors]], reach: Array, missed: Array
+    poles: Array, changes: Mapping[tuple[int, ...], tuple[Factors, Factors]], reach: Array, error: Array
 ) -> _Modes:
-    """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second.
+    """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second order.
 
-    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding, and
-    entries of ``E`` and ``A`` may be off by ``missed``.  Products of more parameters than are kept count by bounds of their
-    magnitudes: of three factors, the product of those of each.
+    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding error,
+    and ``error`` bounds the errors of the entries of ``E`` and ``A``.  Products of more than ``order`` parameters count by
+    bounds of their magnitudes: of three factors, by the product of the magnitudes.
     """
     k, n = len(reach), len(poles)
-    kept = _PRODUCTS if k <= FEW_PARAMETERS else 2
+    order = _PRODUCTS if k <= FEW_PARAMETERS else 2
     gaps = poles[:, None] - poles[None, :]
     gaps[gaps == 0.0] = np.inf
     none, eye = (np.zeros((n, 0)), np.zeros((0, n))), np.eye(n, dtype=complex)
@@ -159,25 +158,25 @@ def _straightened(
     terms: dict[tuple[int, ...], Array] = {}
     for power, pair in [((), ((eye, eye), (eye, np.diag(poles)))), *changes.items()]:
         for j, (F, G) in enumerate(pair):
-            if len(power) > kept or not G.size:
+            if len(power) > order or not G.size:
                 continue
             before, after = lefts @ F, G @ rights
             for left, right in product(range(-1, k), repeat=2):  # -1: the identity
                 whole = tuple(sorted((*(i for i in (left, right) if i >= 0), *power)))
-                if whole and len(whole) <= kept:
+                if whole and len(whole) <= order:
                     total = terms.setdefault(whole, np.zeros((2, n, n), complex))
                     total[j] += before[left + 1] @ after[right + 1]
-    rest = _beyond(changes, (Y, X), reach, kept, missed)
-    order = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
-    bounds = np.array([_range(power, reach) for power in order])
+    rest = _beyond(changes, (Y, X), reach, order, error)
+    keys = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
+    bounds = np.array([_range(power, reach) for power in keys])
     return _Modes(
         poles=poles,
-        E=np.array([terms[power][0] for power in order]),
-        A=np.array([terms[power][1] for power in order]),
+        E=np.array([terms[power][0] for power in keys]),
+        A=np.array([terms[power][1] for power in keys]),
         low=bounds[:, 0],
         high=bounds[:, 1],
-        exact=sum(-1 not in power and len(power) <= 2 for power in order),
-        powers=np.array([[power.count(i) for i in range(k)] for power in order]),
+        exact=sum(-1 not in power and len(power) <= 2 for power in keys),
+        powers=np.array([[power.count(i) for i in range(k)] for power in keys]),
         rest=(rest[0], rest[1]),
     )
 
@@ -186,38 +185,38 @@ def _beyond(
     changes: Mapping[tuple[int, ...], tuple[Factors, Factors]],
     turns: tuple[Array, Array],
     reach: Array,
-    kept: int,
-    missed: Array,
+    order: int,
+    error: Array,
 ) -> Array:
-    """Return bounds of the entries, for E and for A, of products of more parameters than are kept and of what is missed."""
+    """Return bounds of the entries, for E and for A, of products of more than ``order`` parameters and of the errors."""
     Y, X = (np.einsum("i,ijk->jk", reach, np.abs(T)) for T in turns)
     before, after = np.eye(len(Y)) + Y, np.eye(len(X)) + X
-    rest = before @ np.array([missed, missed]) @ after
+    rest = before @ np.array([error, error]) @ after
     for length in {len(power) for power in changes}:
         size = sum(
             _range(power, reach)[1] * np.array([np.abs(F @ G) for F, G in pair])
             for power, pair in changes.items()
             if len(power) == length
         )
-        if length > kept:
+        if length > order:
             rest += before @ size @ after
-        elif length == kept:
+        elif length == order:
             rest += Y @ size @ after + size @ X
-        elif length == kept - 1:
+        elif length == order - 1:
             rest += Y @ size @ X
     return rest
 
 
 def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
-    """Return between which values a product of parameters (and of one, for rounding) lies."""
+    """Return the range of a product of parameters; the factor -1, for rounding error, counts as one."""
     size = float(np.prod([reach[i] for i in power if i >= 0]))
     return (0.0 if len(power) == 2 and power[0] == power[1] >= 0 else -size), size
 
 
 def _unexcluded_frequency(modes: _Modes) -> Array | None:
-    """Return a frequency that could not be excluded, None if the whole imaginary axis is; one of conjugates suffices.
+    """Return a frequency that could not be excluded, or None if the positive imaginary axis is excluded.
 
-    Frequencies are points ``(a, b)`` that stand for the pencil ``j a E - b A``, infinity for ``(1, 0)``.
+    A frequency is a point ``(a, b)`` with the pencil ``j a E - b A``; infinity is ``(1, 0)``.
     """
     squares, batch = _squares(modes), max(2 * _PARTS, _BATCH // len(modes.poles) ** 2)
     ends = _breaks(modes)
@@ -234,15 +233,15 @@ def _unexcluded_frequency(modes: _Modes) -> Array | None:
         rest = np.concatenate(open_)
         if not len(rest):
             return None
-        share = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
-        cut = (1.0 - share) * rest[:, :1] + share * rest[:, 1:]
+        fraction = np.linspace(0.0, 1.0, _PARTS + 1)[:, None]
+        cut = (1.0 - fraction) * rest[:, :1] + fraction * rest[:, 1:]
         step = max(1, batch // _PARTS)
         lines = [cut[i : i + step] for i in range(0, len(cut), step)]
     return rest[0, 0]
 
 
 def _breaks(modes: _Modes) -> Array:
-    """Return frequencies, from zero, between which no resonance changes much."""
+    """Return the ends of frequency intervals, from zero, over which no resonance changes much."""
     own_E, own_A = modes.own
     drift = np.einsum("i,ik->k", modes.size[: modes.exact], np.abs(1j * modes.poles.imag * own_E - own_A))
     width = np.abs(modes.poles.real)
@@ -251,14 +250,14 @@ def _breaks(modes: _Modes) -> Array:
     top = TOP * float(np.abs(modes.poles).max())
     ends = np.sort(ends[(ends > 0.0) & (ends < top)])
     gap = _CLOSE * float(width.min())
-    kept = ends[np.concatenate([[True], np.diff(ends) > gap])] if len(ends) else ends
-    return np.concatenate([[0.0], kept, [top]])
+    ends = ends[np.concatenate([[True], np.diff(ends) > gap])] if len(ends) else ends
+    return np.concatenate([[0.0], ends, [top]])
 
 
 def _squares(modes: _Modes) -> Array:
-    """Return, for each term, what ``a^2, b^2, a b`` are multiplied by in the squared moduli of ``w (j a E - b A)``.
+    """Return, for each term, the coefficients of ``a^2, b^2, a b`` in the squared moduli of ``w (j a E - b A)``.
 
-    Rounding, which cancellation could make felt, is added; diagonals that are accounted for exactly are left out.
+    Rounding error, which cancellation could amplify, is added; diagonals that are accounted for exactly are omitted.
     """
     E, A = (modes.size[:, None, None] * X for X in (modes.E, modes.A))
     result = np.stack([np.abs(E) ** 2, np.abs(A) ** 2, -2.0 * (1j * E * A.conj()).real], axis=1)
@@ -271,18 +270,18 @@ def _squares(modes: _Modes) -> Array:
 
 
 def _failed(modes: _Modes, squares: Array, points: Array) -> tuple[NDArray[np.bool_], Array | None]:
-    """Return which intervals between neighbors of ``points[line, place]`` are not excluded, and a hopeless point."""
-    lines, places, n = *points.shape[:2], len(modes.poles)
+    """Return a mask of the intervals of ``points[line, column]`` that are not excluded, and a hopeless point, or None."""
+    lines, columns, n = *points.shape[:2], len(modes.poles)
     flat = points.reshape(-1, 2)
-    coupling = _couplings(squares, flat).reshape(lines, places, n, n)
-    along = _along(modes, flat).reshape(-1, lines, places, n)
+    coupling = _couplings(squares, flat).reshape(lines, columns, n, n)
+    along = _along(modes, flat).reshape(-1, lines, columns, n)
     distance = np.minimum(along[:, :, :-1], along[:, :, 1:]).max(axis=0)
     failed = (distance <= 0.0).any(axis=2)
     H = np.maximum(coupling[:, :-1], coupling[:, 1:])[~failed] / distance[~failed][:, :, None]
     failed[~failed] = ~_below_one(H)
     if not failed.any():
         return failed, None
-    touched = np.zeros((lines, places), dtype=bool)
+    touched = np.zeros((lines, columns), dtype=bool)
     touched[:, :-1] |= failed
     touched[:, 1:] |= failed
     at = _fail(coupling[touched], along.max(axis=0)[touched])
@@ -301,33 +300,33 @@ def _couplings(squares: Array, points: Array) -> Array:
 
 
 def _along(modes: _Modes, points: Array) -> Array:
-    """Return how far the diagonal stays from zero along each direction, at each point and over the whole cell."""
+    """Return the distance of the diagonal from zero along each direction, at each point and over the entire cell."""
     own_E, own_A = modes.own
     low, high = (bound[: modes.exact, None, None] for bound in (modes.low, modes.high))
     base = 1j * points[:, :1] - points[:, 1:] * modes.poles
     rounding = _ROUNDING * (points[:, :1] + points[:, 1:] * np.abs(modes.poles))
     result = np.empty((len(_DIRECTIONS), *base.shape))
     for i, direction in enumerate(_DIRECTIONS):
-        seen = points @ np.stack([(1j * direction * own_E).real, -(direction * own_A).real], axis=1)
-        result[i] = (base * direction).real - rounding + np.minimum(low * seen, high * seen).sum(axis=0)
+        change = points @ np.stack([(1j * direction * own_E).real, -(direction * own_A).real], axis=1)
+        result[i] = (base * direction).real - rounding + np.minimum(low * change, high * change).sum(axis=0)
     return result
 
 
 def _fail(coupling: Array, distance: Array) -> int | None:
-    """Return a place among a few frequencies whose couplings do not allow of a proof; None if none was found."""
+    """Return the index of a frequency whose couplings exclude a proof, among a few candidates; None if there is none."""
     if (distance <= 0.0).any():
         return int(np.argmin(distance.min(axis=1)))
     H = coupling / distance[:, :, None]
     open_ = np.flatnonzero(~_below_one(H))
     if not len(open_):
         return None
-    worst = open_[np.argsort(-np.linalg.norm(H[open_], axis=(1, 2)))[:_ASKED]]
+    worst = open_[np.argsort(-np.linalg.norm(H[open_], axis=(1, 2)))[:_CANDIDATES]]
     radius = np.abs(np.linalg.eigvals(H[worst])).max(axis=1)
     return int(worst[np.argmax(radius)]) if radius.max() >= 1.0 else None
 
 
 def _below_one(H: Array) -> NDArray[np.bool_]:
-    """Return which of the nonnegative matrices ``H[f]`` have been shown to have a spectral radius below one."""
+    """Return a mask of the nonnegative matrices ``H[f]`` that are shown to have a spectral radius below one."""
     shown, rest = np.zeros(len(H), dtype=bool), np.arange(len(H))
     x = np.ones((*H.shape[:2], 1))
     for _ in range(_SWEEPS):
@@ -343,6 +342,6 @@ def _below_one(H: Array) -> NDArray[np.bool_]:
 
 
 def evened(x: Array, y: Array) -> Array:
-    """Return positive vectors whose ratios to their products with nonnegative matrices, ``y = H x``, are more alike."""
+    """Return positive vectors whose ratios to their products with nonnegative matrices, ``y = H x``, vary less."""
     x = np.sqrt(x * np.maximum(y, TINY))
     return np.maximum(x / x.max(axis=1, keepdims=True), _LEAST)

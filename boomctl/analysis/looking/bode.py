@@ -1,4 +1,4 @@
-"""Size and phase of each response over frequency, on a grid that has every peak."""
+"""Magnitude and phase of frequency responses, on a grid that includes every peak."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.looking.given import looked_at
-from boomctl.analysis.sigma import NO_SINES, SelectedSystem, beside_undamped, drawn_grid, finite
+from boomctl.analysis.sigma import NO_SINES, SelectedSystem, drawn_grid, exclude_undamped, finite
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.frequency import ABOVE, with_peaks
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class BodeResult:
-    """Frequency responses, size and phase.
+    """Frequency responses as magnitude and phase.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class BodeResult:
     input_labels, output_labels : tuple of str
         Names of the signals.
     frequency_unit : str
-        Unit in which the frequencies were asked for, "Hz" where none were; pictures use it.
+        Unit of the requested frequencies, "Hz" without any; used by plots.
     """
 
     omega: Array
@@ -57,28 +57,28 @@ class BodeResult:
 
     @property
     def _unstable(self) -> bool | None:
-        """Whether the system has an unstable pole; None where that is not known."""
+        """True if the system has an unstable pole; None if unknown."""
         return None if self._of is None else self._of.unstable
 
     def __getitem__(self, pair: tuple[str, str]) -> Array:
         """Return the complex response of an output to an input: ``result["output", "input"]``."""
         if not isinstance(pair, tuple) or len(pair) != 2:
             raise ValueError(f"{pair!r}: expected an output and an input, as result['output', 'input']")
-        output, given = known("output", pair[0], self.output_labels), known("input", pair[1], self.input_labels)
-        return self.frdata[self.output_labels.index(output), self.input_labels.index(given)]
+        output, entry = known("output", pair[0], self.output_labels), known("input", pair[1], self.input_labels)
+        return self.frdata[self.output_labels.index(output), self.input_labels.index(entry)]
 
     def _ipython_key_completions_(self) -> list[tuple[str, str]]:
         """Return the pairs that consoles complete in brackets."""
-        return [(output, given) for output in self.output_labels for given in self.input_labels]
+        return [(output, entry) for output in self.output_labels for entry in self.input_labels]
 
     @property
     def magnitude(self) -> Array:
-        """Sizes, shape (outputs, inputs, frequencies)."""
+        """Magnitudes, shape (outputs, inputs, frequencies)."""
         return np.abs(self.frdata)
 
     @property
     def phase_deg(self) -> Array:
-        """Phases [degrees], without jumps, the first from -180 to 180."""
+        """Phases [degrees], unwrapped, the first from -180 to 180."""
         return np.degrees(np.unwrap(np.angle(self.frdata), axis=2))
 
     @property
@@ -88,29 +88,28 @@ class BodeResult:
 
     @property
     def response(self) -> control.FrequencyResponseData:
-        """The same as python-control's named frequency response, whose ``.plot()`` draws it as python-control does."""
+        """Frequency response of python-control with signal names; its ``.plot()`` is python-control's."""
         from boomctl.lti.python_control import control
 
         labels = {"inputs": list(self.input_labels), "outputs": list(self.output_labels)}
         return control.frd(self.frdata, self.omega, **labels, name="response")
 
     def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Array:
-        """Draw sizes above phases, one curve for each pair of signals.
+        """Draw magnitudes above phases, one curve for each pair of signals.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: size and phase; by default a new figure of pyplot.
+            Axes for magnitude and phase. If None, a new figure is created.
         frequency_unit : {"Hz", "rad/s"}, optional
-            Of the frequency axis.  By default that of the curves that are there already, otherwise that in which the
-            frequencies were asked for.
+            Unit of the frequency axis.  If None, the unit of the existing axes, or of the requested frequencies.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes.
         """
         return import_module("boomctl.plotting.looking").plot_bode(self, ax, frequency_unit=frequency_unit, **style)
 
@@ -124,23 +123,23 @@ def bode(
     *,
     frequency_hz: ArrayLike | None = None,
 ) -> BodeResult:
-    """Return size and phase of a system's responses over frequency.
+    """Return magnitude and phase of a system's frequency responses.
 
-    It has the short name that python-control gives to its ``bode_plot``.  The default grid has every peak of every response
-    in its band, and the band has the highest peak: the largest value is that of the response, not of a grid beside it.
-    Undamped modes, where the response is infinite, are left out.
+    The name is python-control's short name of ``bode_plot``.  The default grid includes every peak of every response in its
+    range, and the range includes the highest peak, so that the largest value is the maximum of the response.
+    Undamped modes, at which the response is infinite, are omitted.
 
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace, TransferFunction or FrequencyResponseData, or a result
-        What is looked at.  Of a design (``lqr``, ``lqg``, ``h2``, ``h_infinity``) it is the closed loop; of a reduction the
+        System to evaluate.  For a design (``lqr``, ``lqg``, ``h2``, ``h_infinity``) the closed loop, for a reduction the
         reduced system.
     omega : array_like, optional
-        Angular frequencies [rad/s], of a discrete system at most ``pi/dt``.
+        Angular frequencies [rad/s], at most ``pi/dt`` for a discrete system.
     inputs, outputs : str or sequence of str, optional
-        Between which signals.  By default all; of a boom model, platform actuators and tips.
+        Signals.  If None, all signals; for a boom model, platform actuators and tips.
     frequency_hz : array_like, optional
-        Frequencies in Hz, in place of ``omega``.
+        Frequencies [Hz], instead of ``omega``.
 
     Returns
     -------
@@ -150,8 +149,8 @@ def bode(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals; frequencies above half the sampling rate, negative or not finite, given
-        twice, or given for measured data; a frequency at which the response is infinite.
+        If `system` has an unsupported type, a signal is unknown, a frequency is above half the sampling rate, negative or not
+        finite, both `omega` and `frequency_hz` or frequencies of measured data are passed, or the response is infinite.
 
     Examples
     --------
@@ -169,6 +168,6 @@ def bode(
         if band.high < ABOVE * peak < np.inf:
             band = selected.resonances(ABOVE * peak)
         grid, values = with_peaks(
-            lambda w: selected.response(w, quiet=True), drawn_grid(band, [peak]), lambda w: beside_undamped(band, w)
+            lambda w: selected.response(w, quiet=True), drawn_grid(band, [peak]), lambda w: exclude_undamped(band, w)
         )
     return BodeResult(grid, finite(grid, values), *selected.labels, selected.unit, selected)

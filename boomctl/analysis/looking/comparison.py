@@ -1,7 +1,7 @@
-"""Several loops, designs or runs in one table and in one picture.
+"""Comparison of loops, designs or runs in one table and one plot.
 
-What a result has to show beside others is what its method ``__figures__`` returns: numbers by name, units in brackets.  Of a
-linear system it is the verified peak, the H2 norm and the slowest pole.
+The method ``__figures__`` of a result returns its metrics: numbers by name, units in brackets.  The metrics of a linear
+system are the verified peak, the H2 norm and the slowest pole.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-TIME, FREQUENCY, MARGINS = "time", "frequency", "margins"  # the pictures of a comparison, in the order tried
-_SHOWN = 40  # letters of a figure's name in a table at least (a choice)
+TIME, FREQUENCY, MARGINS = "time", "frequency", "margins"  # Plots of a comparison, in order of preference.
+_SHOWN = 40  # Smallest width of the metrics' column in a table, in characters.
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Figures of several systems or results, side by side.
+    """Metrics of several systems or results, side by side.
 
     Attributes
     ----------
     names : tuple of str
-        What is compared.
+        Names of the systems or results.
     metrics : tuple of str
-        Names of the figures, those that some have and others not included.
+        Names of all metrics, including those that some results lack.
     values : dict of str to dict of str to float
-        For each name the figures that it has.
+        Metrics of each result by name.
     """
 
     names: tuple[str, ...]
@@ -53,7 +53,7 @@ class Comparison:
     _parts: dict[str, tuple[Any, ...]] = field(repr=False, compare=False)
 
     def __getitem__(self, name: str) -> dict[str, float]:
-        """Return the figures of one of them by its name."""
+        """Return the metrics of a result by its name."""
         return self.values[known("name", name, self.names)]
 
     def _ipython_key_completions_(self) -> list[str]:
@@ -68,18 +68,18 @@ class Comparison:
         return table_html("Comparison", heads, rows) + "".join(f"<p>{escape(line)}</p>" for line in self._signals())
 
     def __str__(self) -> str:
-        """Return the figures as text.
+        """Return the metrics as text.
 
         Returns
         -------
         str
-            A table, one line a figure, one column a name; below it, between which signals linear systems are compared, and
-            which of them are unstable.
+            A table with one row for each metric and one column for each name; below it, the signals between which linear
+            systems are compared, and the unstable systems.
         """
         return "\n".join([table_text(self._table(), first=_SHOWN), *self._signals()])
 
     def _signals(self) -> list[str]:
-        """Return between which signals the singular values and norms of each are, and which of them are unstable."""
+        """Return the signals of the singular values and norms of each system, and whether it is unstable."""
         return [
             f"{name}: {between(part.input_labels, part.output_labels)}{'' if part.stable else ', unstable'}"
             for name, parts in self._parts.items()
@@ -88,44 +88,44 @@ class Comparison:
         ]
 
     def to_dict(self) -> dict[str, dict[str, float]]:
-        """Return the figures as plain dictionaries.
+        """Return the metrics as plain dictionaries.
 
         Returns
         -------
         dict of str to dict of str to float
-            For each name the figures that it has.
+            Metrics of each result by name.
         """
         return {name: dict(figures) for name, figures in self.values.items()}
 
     def to_pandas(self) -> DataFrame:
-        """Return the figures as a data frame of pandas.
+        """Return the metrics as a data frame of pandas.
 
         Returns
         -------
         pandas.DataFrame
-            One row a figure, one column a name; NaN for what one lacks.
+            One row for each metric and one column for each name; NaN for missing metrics.
         """
         return data_frame(self.to_dict(), index=self.metrics)
 
     def plot(self, ax: Any = None, *, kind: str | None = None, signals: Sequence[str] = (), **style: Any) -> Any:
-        """Draw all of them over each other, each in a color of its own.
+        """Draw all results in common axes, each in a separate color.
 
         Parameters
         ----------
         ax : matplotlib Axes, sequence of them, or a figure, optional
-            Where to draw: one axes a signal or loop, one for singular values; by default a new figure of pyplot.
+            Axes to draw on: one for each signal or loop, one for singular values. If None, a new figure is created.
         kind : {"time", "frequency", "margins"}, optional
-            Signals over time, singular values, or Nyquist curves with the critical disks.  By default the first that all of
-            them have.
+            Signals over time, singular values, or Nyquist curves with the critical disks.  If None, the first kind that all
+            results have.
         signals : sequence of str, optional
-            Which signals over time, or at which the loop is opened; by default those that all have, six at most.
+            Signals over time, or signals at which the loop is opened.  If None, at most six that all results have.
         **style
-            Of all curves, as matplotlib's lines take it; a ``label`` stands before the names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the names.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         there = [item for item in (TIME, FREQUENCY, MARGINS) if all(_of_kind(item, p) for p in self._parts.values())]
         if not there:
@@ -150,29 +150,29 @@ def compare(
     inputs: str | Sequence[str] | None = None,
     outputs: str | Sequence[str] | None = None,
 ) -> Comparison:
-    """Return figures of several loops, designs or runs side by side, to be printed as a table and drawn over each other.
+    """Compare metrics of several loops, designs or runs, as a table and as a plot.
 
     Parameters
     ----------
     results : mapping of str to system or result, or to a sequence of these
-        By name: simulated loops (rms and peak of outputs and of controls), other runs, linear systems such as closed loops
-        (verified peak, H2 norm, slowest pole, least damping; of a boom model from platform actuators to tips), designs (of
-        their closed loops, and the controller's states), margins, worst cases, sprays, slews, performances.  A sequence
-        gives all figures of its members.
+        By name: simulated loops (RMS and peak of outputs and of controls), other runs, linear systems such as closed loops
+        (verified peak, H2 norm, slowest pole, least damping; for a boom model from platform actuators to tips), designs
+        (metrics of the closed loop, and number of controller states), margins, worst cases, sprays, slews, performances.  A
+        sequence has the metrics of all its members.
     omega : array_like, optional
-        Angular frequencies at which linear systems are drawn [rad/s]; by default those that show the peaks of all.
+        Angular frequencies of the plots of linear systems [rad/s].  If None, frequencies that show the peaks of all systems.
     inputs, outputs : str or sequence of str, optional
-        Between which signals of linear systems; by default all, of a boom model platform actuators and tips.
+        Signals of linear systems.  If None, all signals; for a boom model, platform actuators and tips.
 
     Returns
     -------
     Comparison
-        ``comparison["name"]["figure"]``; ``print`` shows a table, ``.plot()`` a picture, ``.to_pandas()`` gives all numbers.
+        ``comparison["name"]["metric"]``; ``print`` shows a table, ``.plot()`` a plot, ``.to_pandas()`` returns all values.
 
     Raises
     ------
     TypeError, ValueError
-        Nothing to compare; something that has no figures, with its name; unknown kinds of system.
+        If `results` is empty, or an item has no metrics or an unsupported type.
 
     Examples
     --------
@@ -187,11 +187,11 @@ def compare(
     if not results:
         raise ValueError("results: expected at least one")
     parts: dict[str, tuple[Any, ...]] = {}
-    systems: dict[tuple[str, int], SelectedSystem] = {}  # those that give no figures themselves, by their places
-    for name, given in results.items():
+    systems: dict[tuple[str, int], SelectedSystem] = {}  # systems without ``__figures__``, by name and index
+    for name, item in results.items():
         if not isinstance(name, str):
             raise TypeError(f"name of a result = {shown(name)}: expected a string, got {type(name).__name__}")
-        parts[name] = tuple(given) if isinstance(given, list | tuple) else (given,)
+        parts[name] = tuple(item) if isinstance(item, list | tuple) else (item,)
         if not parts[name]:
             raise ValueError(f"results[{name!r}]: expected at least one")
         for k, member in enumerate(parts[name]):
@@ -214,7 +214,7 @@ def compare(
 
 
 def _check_same_scales(systems: Iterable[SelectedSystem]) -> None:
-    """Check that signals of one name have one scale in all systems."""
+    """Check that signals of the same name have the same scale in all systems."""
     scales: dict[str, float] = {}
     for selected in systems:
         own = getattr(selected.chosen, "scales", None) or {}
@@ -227,8 +227,8 @@ def _check_same_scales(systems: Iterable[SelectedSystem]) -> None:
                 )
 
 
-def _of_system(given: Any, selected: SelectedSystem, curve: SigmaResult) -> dict[str, float]:
-    """Return what a linear system has to show."""
+def _of_system(source: Any, selected: SelectedSystem, curve: SigmaResult) -> dict[str, float]:
+    """Return the metrics of a linear system."""
     figures = {"H-infinity norm" + ("" if curve.verified else ", not verified"): curve.peak}
     figures["H2 norm"] = h2_norm(selected.chosen).value
     rates = matrices(selected.chosen).rates
@@ -238,14 +238,14 @@ def _of_system(given: Any, selected: SelectedSystem, curve: SigmaResult) -> dict
     turning = rates[resolved(rates) & (rates.imag > 0.0)]
     if len(turning):
         figures["least damping [%]"] = float(100.0 * (-turning.real / np.abs(turning)).min())
-    controller = getattr(given, "_controller", None)
+    controller = getattr(source, "_controller", None)
     if isinstance(controller, Lti):
         figures["states of the controller"] = float(len(controller.A))
     return figures
 
 
 def _of_kind(kind: str, parts: tuple[Any, ...]) -> Any:
-    """Return the first part that a picture of a kind is drawn of; None without one."""
+    """Return the data of the first part with a plot of a kind, or None."""
     for part in parts:
         run = getattr(part, "run", part)
         if kind == TIME and isinstance(run, TimeSeries):

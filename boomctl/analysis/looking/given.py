@@ -1,4 +1,4 @@
-"""What is looked at: a system, or the system that a result is about."""
+"""Conversion of a system or a result to the system to evaluate."""
 
 from typing import Any
 
@@ -9,21 +9,21 @@ from boomctl.structure.model import SecondOrderModel
 EXPECTED = "SecondOrderModel, StateSpace, TransferFunction, or a result with a closed loop or a reduced system"
 
 
-def looked_at(given: object) -> Any:
-    """Return the system that is meant: of a design its closed loop, of a reduction the reduced system; all else as it is."""
+def looked_at(source: object) -> Any:
+    """Return the closed loop of a design, the reduced system of a reduction, or any other object unchanged."""
     for part in ("_closed_loop", "_reduced"):
-        if isinstance(result := getattr(given, part, None), Lti | SecondOrderModel):
+        if isinstance(result := getattr(source, part, None), Lti | SecondOrderModel):
             return result
-    return given
+    return source
 
 
-def matrices(given: object, inputs: Signals = None, outputs: Signals = None) -> Lti:
-    """Return the matrices of what is looked at, between the signals named: of a boom by default actuators and tips.
+def matrices(source: object, inputs: Signals = None, outputs: Signals = None) -> Lti:
+    """Return the balanced matrices of a system or a result between signals; by default a boom's actuators and tips.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown names; no inputs or no outputs; discrete time that does not say its sampling time.
+        If the system has an unsupported type, no inputs, no outputs or an unspecified sampling time, or a name is unknown.
     """
-    result = between_signals(looked_at(given), inputs, outputs, EXPECTED)
+    result = between_signals(looked_at(source), inputs, outputs, EXPECTED)
     return result if isinstance(result, Lti) else of(result).balanced()

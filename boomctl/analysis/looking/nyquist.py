@@ -1,10 +1,11 @@
-"""The Nyquist curve of a loop, its encirclements of -1, and the critical disk.
+"""Nyquist curve of a loop, its encirclements of -1, and the critical disk.
 
 With ``L`` the loop's response under negative feedback, ``det(I + L)`` is the product of ``s - p`` over the closed loop's
-poles over that of the open one.  Its winding about zero, poles of the open loop on the axis left to the left, is by how many
-the closed loop's poles on the right are fewer (Nyquist 1932): the poles tell the encirclements.
+poles, divided by the product over the open loop's poles.  With open-loop poles on the axis passed on the right, its winding
+number about zero is the number of unstable open-loop poles minus the number of unstable closed-loop poles (Nyquist 1932): the
+encirclements are computed from the poles.
 
-A sampled loop is looked at through the bilinear map, by which the unit circle is the imaginary axis.
+A sampled loop is evaluated through the bilinear transformation, which maps the unit circle to the imaginary axis.
 """
 
 from __future__ import annotations
@@ -36,23 +37,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class NyquistResult:
-    """A loop's Nyquist curve, and what it says of stability.
+    """Nyquist curve of a loop, with its encirclements.
 
     Attributes
     ----------
     omega : (n,) ndarray
         Angular frequencies [rad/s].
     curve : (n,) complex ndarray
-        The loop's response ``L`` under negative feedback; of several signals ``det(I + L) - 1``, which is as near to -1.
+        Loop gain ``L`` under negative feedback; for several signals ``det(I + L) - 1``, with the same critical point -1.
     signals : tuple of str
-        Where the loop is opened, all at once.
+        Signals at which the loop is opened simultaneously.
     encirclements : int
-        How often the whole curve, negative frequencies included, winds around -1, counter-clockwise: unstable poles of the
-        open loop less those of the closed one.
+        Counter-clockwise encirclements of -1 by the full curve, negative frequencies included: unstable poles of the open
+        loop minus unstable poles of the closed loop.
     open_loop_unstable_poles, closed_loop_unstable_poles : int
-        Unstable poles of the open and of the closed loop.
+        Numbers of unstable poles of the open and of the closed loop.
     disk_margin : DiskMargin or None
-        The disk margin at this signal; None of several signals (see :func:`boomctl.margins`) and of an unstable loop.
+        Disk margin at this signal; None for several signals (see :func:`boomctl.margins`) or an unstable loop.
     """
 
     omega: Array
@@ -77,7 +78,7 @@ class NyquistResult:
 
     @property
     def stable(self) -> bool:
-        """Whether the closed loop is stable."""
+        """True if the closed loop is stable."""
         return self.closed_loop_unstable_poles == 0
 
     @property
@@ -93,14 +94,14 @@ class NyquistResult:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         **style
-            Of the curve, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.looking").plot_nyquist(self, ax, **style)
 
@@ -114,22 +115,22 @@ def nyquist(
     outputs: str | Sequence[str] | None = None,
     delay: float = 0.0,
 ) -> NyquistResult:
-    """Return the Nyquist curve of a loop, and its encirclements of -1.
+    """Return the Nyquist curve of a loop and its encirclements of -1.
 
-    It has the short name that python-control gives to its ``nyquist_plot``.
+    The name is python-control's short name of ``nyquist_plot``.
 
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or TransferFunction
-        Without a controller: the loop's gain ``L`` under negative feedback, as python-control takes it, with as many outputs
-        as inputs.  With one: the plant, signals named.
+        Without a controller: the loop gain ``L`` under negative feedback, as in python-control, with as many outputs as
+        inputs.  With a controller: the plant, with named signals.
     controller : control.StateSpace, TransferFunction, or a design, optional
-        ``u = K y``, signals found by name, as for :func:`boomctl.margins`: then ``L = -K G``.  A discrete one makes the
-        sampled loop.
+        Controller with ``u = K y``, signals matched by name, as in :func:`boomctl.margins`: then ``L = -K G``.  A
+        discrete-time controller defines the sampled loop.
     inputs, outputs : str or sequence of str, optional
-        Signals of the system that the loop goes through; by default all, of a boom's loop gain platform actuators and tips.
+        Signals of the system in the loop.  If None, all signals; for a boom's loop gain, platform actuators and tips.
     delay : float, optional
-        Time between a sample and the moment its control acts [s]; only with a discrete controller.
+        Computation delay [s].  Requires a discrete-time controller.
 
     Returns
     -------
@@ -139,11 +140,11 @@ def nyquist(
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; not as many outputs as inputs; names that do not meet; a loop that is not well-posed; a pole
-        at ``z = -1``.
+        If a system has an unsupported type, the numbers of outputs and inputs differ, signal names do not match, the loop is
+        not well-posed, or a pole is at ``z = -1``.
     ArithmeticError
-        A pole of the closed loop on the imaginary axis (the unit circle), or so close to it that encirclements cannot be
-        told.
+        If a pole of the closed loop is on the imaginary axis (the unit circle), or so close to it that the encirclements
+        cannot be determined.
 
     Examples
     --------
@@ -171,7 +172,7 @@ def nyquist(
     signals = loop.controls if controller is not None else P.output_labels
     if (sides(S.poles, S.dt) == 0).any():
         raise ArithmeticError(
-            "encirclements cannot be told: the closed loop has a pole on the boundary of stability, or too close to it"
+            "encirclements are not determined: the closed loop has a pole on the stability boundary, or too close to it"
         )
     unstable, closed = int((boundary_sides(opened) > 0).sum()), int((sides(S.poles, S.dt) > 0).sum())
     image = continuous_image(S)

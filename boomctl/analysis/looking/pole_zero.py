@@ -28,11 +28,11 @@ class PoleZeroResult:
     Attributes
     ----------
     poles, zeros : complex ndarray
-        Ascending in size [rad/s]; in discrete time ``z``.
+        In ascending order of modulus [rad/s]; ``z`` in discrete time.
     input_labels, output_labels : tuple of str
-        Between which signals the zeros are.
+        Signals of the zeros.
     dt : float
-        Sampling time [s]; 0 in continuous time.
+        Sampling time [s]; 0 for continuous time.
     """
 
     poles: Array = field(repr=False)
@@ -48,30 +48,30 @@ class PoleZeroResult:
         numbers = f"{count(len(self.poles), 'pole')}, {count(len(self.zeros), 'zero')}"
         slowest = self.poles[np.argmax(self.poles.real if not self.dt else np.abs(self.poles))] if len(side) else None
         last = "" if slowest is None else f"; slowest pole {complex(slowest.real, abs(slowest.imag)):.6g}"
-        said = f" ({', '.join(some)})" if some else ""
-        return f"PoleZeroResult: {between(self.input_labels, self.output_labels)}\n  {numbers}{said}{last}"
+        kinds = f" ({', '.join(some)})" if some else ""
+        return f"PoleZeroResult: {between(self.input_labels, self.output_labels)}\n  {numbers}{kinds}{last}"
 
     @property
     def response(self) -> Any:
-        """The same as python-control's ``PoleZeroData``."""
+        """Poles and zeros as python-control's ``PoleZeroData``."""
         from control.pzmap import PoleZeroData
 
         return PoleZeroData(self.poles, self.zeros, dt=self.dt or 0, sysname="system")
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
-        """Draw poles as crosses and zeros as circles, those of the lowest modes; lines of equal damping behind them.
+        """Draw poles as crosses and zeros as circles, for the lowest modes, over lines of equal damping.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         **style
-            Of the marks, as matplotlib's lines take it.
+            Marker properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.looking").plot_pole_zero(self, ax, **style)
 
@@ -84,15 +84,15 @@ def pzmap(
 ) -> PoleZeroResult:
     """Return the poles and the transmission zeros of a system.
 
-    It has the short name that python-control gives to its map of poles and zeros.
+    The name is python-control's short name of ``pole_zero_map``.
 
     Parameters
     ----------
     system : SecondOrderModel, control.StateSpace or TransferFunction, or a result
-        What is looked at.  Of a design (``lqr``, ``lqg``, ``h2``, ``h_infinity``) it is the closed loop; of a reduction the
+        System to evaluate.  For a design (``lqr``, ``lqg``, ``h2``, ``h_infinity``) the closed loop, for a reduction the
         reduced system.
     inputs, outputs : str or sequence of str, optional
-        Between which signals.  By default all; of a boom model, platform actuators and tips.
+        Signals.  If None, all signals; for a boom model, platform actuators and tips.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def pzmap(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system; unknown signals.
+        If `system` has an unsupported type or a signal is unknown.
 
     Examples
     --------

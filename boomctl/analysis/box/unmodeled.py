@@ -1,15 +1,15 @@
-"""Loops around what a family does not model: stable dynamics beside it, bounded over frequency (small gain).
+"""Loops with unmodeled dynamics: stable, additive, and bounded over frequency (small-gain theorem).
 
 The plants are ``G + D`` with ``G`` of the family and a stable ``D``, each entry below that of a bound, ``|D_ij| <= |W_ij|``
-at all frequencies.  The loop ``u = K y`` is stable for all of them if it is stable without ``D``, and the gain from what each
-entry adds to an output, weighed by ``W_ij``, to the control that drives the entry, is below one (Zhou & Doyle, Essentials of
-Robust Control, ch. 8): a worst case of the loop with the weights before its controller.  Entries are scaled so that their
-units do not count.  With one entry the condition is necessary, too.
+at all frequencies.  The loop ``u = K y`` is stable for all of them if it is stable without ``D``, and the gain from the
+contribution of each entry to an output, weighted by ``W_ij``, to the control that drives the entry, is below one (Zhou &
+Doyle, Essentials of Robust Control, ch. 8): a worst case of the loop with the weights before its controller.  The result does
+not depend on the units of the entries, which are scaled.  With one entry the condition is also necessary.
 
-Of a sampled loop ``D`` is met through the hold and at the samples: its response is a sum of aliases, ``sum_k D(j w_k) h_k``
+In a sampled loop ``D`` acts through the hold and the sampler: its response is a sum of aliases, ``sum_k D(j w_k) h_k``
 with ``w_k = w + 2 pi k/dt``.  The squares of the hold's ``|h_k|`` add up to one, so that the response is below
-``(sum_k |W(j w_k)|^2)^(1/2)`` (Cauchy & Schwarz): the spectrum at the samples of white noise filtered by ``W``.  That is
-within a tenth of the least bound where ``W`` falls below half the sampling rate; what folds from beyond counts undamped.
+``(sum_k |W(j w_k)|^2)^(1/2)`` (Cauchy & Schwarz): the spectrum at the samples of white noise filtered by ``W``.  This bound
+is within a tenth of the least one if ``W`` falls below half the sampling rate; aliases from higher frequencies count fully.
 """
 
 from __future__ import annotations
@@ -38,16 +38,16 @@ if TYPE_CHECKING:
     import control
 
 
-def small_gain(family: Family, K: Any, unmodelled: control.StateSpace, delay: float, max_cells: int) -> WorstCase:
-    """Return the largest gain around what a family does not model, and a bound below one over the box if it is proved.
+def small_gain(family: Family, K: Any, uncertainty: control.StateSpace, delay: float, max_cells: int) -> WorstCase:
+    """Return the largest gain around the unmodeled dynamics of a family, with an upper bound below one if it is proved.
 
     Raises
     ------
     TypeError, ValueError
-        Bounds of another kind, not stable or not of all that the controller reads and drives; of a sampled loop bounds that
-        do not fall.
+        If the weight has an unsupported type, is unstable, or lacks a signal of the controller, or, for a sampled loop, if it
+        is not strictly proper.
     """
-    bounds = _bounds(K, unmodelled)
+    bounds = _bounds(K, uncertainty)
     unit = np.ones((len(K.input_labels), len(K.output_labels)))
     if unit.size > 1:
         loop = joined(family.nominal, K, delay if K.dt else None).closed(K.input_labels)
@@ -56,21 +56,21 @@ def small_gain(family: Family, K: Any, unmodelled: control.StateSpace, delay: fl
             [matrices_norm(series(W, loop.select(y, u))).lower_bound for y, W in zip(added, bounds, strict=True)]
             for u in K.output_labels
         ]
-        # an entry sees the control that drives it
+        # the input of an entry is the control that drives it
         unit = balance(np.tile(np.eye(len(K.output_labels)), len(K.input_labels)).T @ gains)[1].reshape(unit.shape)
     wide, weighed, points = _joined(family, K, bounds, unit)
     signals: Any = [*map(injected, points)], K.output_labels
     worst = partial(worst_case, wide, weighed, *signals, max_cells=max_cells, delay=delay, injection_points=points)
-    found = worst(rtol=None)
-    if found.lower_bound >= 1.0 - ROOT:
-        return found
-    # a level of one, or twice the largest gain found
-    return worst(rtol=(1.0 - ALIKE) / max(found.lower_bound, 0.5) - 1.0)
+    result = worst(rtol=None)
+    if result.lower_bound >= 1.0 - ROOT:
+        return result
+    # a level of one, or of twice the gain below one half
+    return worst(rtol=(1.0 - ALIKE) / max(result.lower_bound, 0.5) - 1.0)
 
 
-def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[Lti]:
-    """Return the bound of each entry, from what the controller drives to what it reads, as the loop meets it."""
-    W = of(unmodelled, "additive_uncertainty", "StateSpace")
+def _bounds(K: Lti, uncertainty: control.StateSpace) -> list[Lti]:
+    """Return the bound of each entry from a control to a measurement, minimal, and discrete in a sampled loop."""
+    W = of(uncertainty, "additive_uncertainty", "StateSpace")
     for name in K.output_labels:
         known("input of additive_uncertainty (the controller has it)", name, W.input_labels)
     for name in K.input_labels:
@@ -87,20 +87,20 @@ def _bounds(K: Lti, unmodelled: control.StateSpace) -> list[Lti]:
                 f"`additive_uncertainty` must fall with frequency from {u} to {y}, got {abs(entry.D[0, 0]):.4g} at infinite"
                 " frequency, of which samples fold back more than any bound. Multiply it by a low-pass filter."
             )
-        reached, seen, chain = entry.B.any(axis=1), entry.C.any(axis=0), entry.A != 0.0
+        reachable, observable, chain = entry.B.any(axis=1), entry.C.any(axis=0), entry.A != 0.0
         for _ in range(len(chain)):
-            reached, seen = reached | (chain @ reached), seen | (seen @ chain)
-        own = np.flatnonzero(reached & seen)
+            reachable, observable = reachable | (chain @ reachable), observable | (observable @ chain)
+        own = np.flatnonzero(reachable & observable)
         entry = Lti(entry.A[np.ix_(own, own)], entry.B[own], entry.C[:, own], entry.D)
         result.append(_folded(entry, K.dt) if K.dt else entry)
     return result
 
 
 def _folded(W: Lti, dt: float) -> Lti:
-    """Return a discrete bound of all that a hold and samples make of anything below a continuous one that falls.
+    """Return a discrete bound of the sampled response, through a hold, of anything bounded by a strictly proper weight.
 
-    Of its inputs, one a state, the squared gains count together: those of the noise that drives the states from sample to
-    sample, whose covariance is ``P - Phi P Phi^T``.
+    It has one input for each state, whose squared gains add up: the noise that drives the states from sample to sample,
+    with the covariance ``P - Phi P Phi^T``.
     """
     if not len(W.A):
         return replace(W, dt=dt)
@@ -115,15 +115,15 @@ def _folded(W: Lti, dt: float) -> Lti:
 
 
 def _joined(family: Family, K: Lti, bounds: Sequence[Lti], unit: Array) -> tuple[Family, Lti, tuple[str, ...]]:
-    """Return family, controller and injection points of the entries, whose signals have size one within their bounds.
+    """Return family, controller and injection points of the entries, whose signals have magnitude one within their bounds.
 
-    The injection points are outputs of the family that are zero; the controller weighs what is injected there.  ``unit`` are
-    the units of the entries, (p, m); controls are in units in which their size is that of all entries which they drive.
+    The injection points are outputs of the family that are zero; the controller weights the signals injected there.  ``unit``
+    are the units of the entries, (p, m); the magnitude of a control is that of all entries it drives.
     """
     (p, m), ports = unit.shape, family.nominal.ports
     size = np.sqrt(np.square(1.0 / unit).sum(axis=0))
     entries = append(*bounds)
-    names = tuple(f"unmodelled {k + 1}" for k in range(entries.B.shape[1]))
+    names = tuple(f"unmodeled {k + 1}" for k in range(entries.B.shape[1]))
     into, out_of = np.eye(len(ports.inputs)), np.eye(len(ports.outputs), len(ports.outputs) + len(names))
     for name, own in zip(K.output_labels, size, strict=True):
         into[:, ports.inputs.index(name)] /= own
