@@ -1,4 +1,4 @@
-"""Drawing: the only part that knows matplotlib.  It draws results; it computes nothing."""
+"""Plots of results. The only package that uses matplotlib."""
 
 from boomctl.lazy import loader
 

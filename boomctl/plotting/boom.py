@@ -1,6 +1,6 @@
-"""Pictures of the spray boom: Fig. 3, convergence, friction in its cradle.
+"""Plots of the spray boom: Fig. 3, convergence, friction in its cradle.
 
-What they draw are the records of :mod:`boomctl.lab.papers.anthonis_ramon`, taken by their attributes.
+They draw the records of :mod:`boomctl.lab.papers.anthonis_ramon`.
 """
 
 from typing import TYPE_CHECKING, Any

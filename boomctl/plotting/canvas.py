@@ -1,6 +1,6 @@
 """Axes and figures to draw on, and their style: axes of the user, figures of pyplot, or plain figures of a report.
 
-Every function ``plot_*`` takes ``ax`` and hands it to :func:`panels`; nothing else in the package knows pyplot.
+Every function ``plot_*`` passes ``ax`` to :func:`panels`, the only function in the package that uses pyplot.
 """
 
 import io
@@ -30,13 +30,13 @@ _LOOK = mpl.rc_params_from_file(Path(__file__).with_name("look.mplstyle"), use_d
 COLORS: tuple[str, ...] = tuple(_LOOK["axes.prop_cycle"].by_key()["color"])
 
 UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
-"""Units of a frequency axis, and what angular frequencies [rad/s] are divided by in each."""
+"""Units of a frequency axis, with the value of each in rad/s."""
 
-IN_A_ROW = 3  # panels of one kind (a choice)
+IN_A_ROW = 3  # panels in a row
 _DECADES, _FRACTION = (
     0.9,
     0.4,
-)  # of a span: below the first some minor ticks are labeled, below the second all (a choice)
+)  # decades below which some minor ticks are labeled, and below which all are
 _SETTINGS = RLock()  # matplotlib's settings belong to the whole process: one thread at a time may change them
 
 
@@ -46,9 +46,9 @@ if hasattr(os, "register_at_fork"):  # a process that is forked off must not wai
 
 @contextmanager
 def style() -> Iterator[None]:
-    """Draw with the project's look; the caller's settings come back afterwards, also where several threads draw.
+    """Draw with the package's style; the caller's settings are restored afterwards, also with several threads.
 
-    ``plt.style.use("boomctl.plotting.look")`` gives the look to all pictures of a script.
+    ``plt.style.use("boomctl.plotting.look")`` applies the style to all plots of a script.
     """
     with _SETTINGS, mpl.rc_context(_LOOK):
         yield
@@ -58,29 +58,29 @@ _OF_OTHERS: dict[str, str] = dict.fromkeys(
     ("dB", "deg", "Hz", "omega_limits", "display_margins"),
     "; bode(...).response.plot(...) is python-control's picture and takes it",
 )
-"""What users of python-control say to its pictures, and what draws those."""
+"""Plot options of python-control, and the plot that accepts them."""
 
 
 def new_figure(width: float = 7.0, height: float = 4.2) -> Figure:
-    """Return an empty figure of ``width`` by ``height`` inches that belongs to no window."""
+    """Return an empty figure of ``width`` by ``height`` inches without a window."""
     return Figure(figsize=(width, height), layout="constrained")
 
 
 class Sheet(Figure):
-    """A figure that belongs to no window, and takes the size of the picture that is drawn on it."""
+    """Figure without a window that takes the size of its plot."""
 
 
-def figure_of(plot: Callable[..., Any], *given: Any, **options: Any) -> Figure:
-    """Return a picture as a figure that belongs to no window: pyplot is not imported, and has nothing to close.
+def figure_of(plot: Callable[..., Any], *arguments: Any, **options: Any) -> Figure:
+    """Return a plot as a figure without a window; pyplot is not used.
 
-    For reports and servers, which draw many pictures, in threads and processes.
+    For reports and servers that draw many plots in threads and processes.
 
     Parameters
     ----------
     plot : callable
         A function ``plot_*`` or a result's method ``plot``.
-    *given, **options
-        Its arguments, all but ``ax``.
+    *arguments, **options
+        Its arguments, except ``ax``.
 
     Examples
     --------
@@ -89,28 +89,28 @@ def figure_of(plot: Callable[..., Any], *given: Any, **options: Any) -> Figure:
     'distance [m]'
     """
     sheet = Sheet(layout="constrained")
-    plot(*given, ax=sheet, **options)
+    plot(*arguments, ax=sheet, **options)
     return sheet
 
 
 Divide = Callable[[FigureBase], Iterable[Axes]]
-"""Divides a figure into the axes of a picture."""
+"""Function that divides a figure into the axes of a plot."""
 
 
 @contextmanager
 def panels(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divide | None = None) -> Iterator[Array]:
-    """Give the axes of a picture, to be drawn on with the project's look.
+    """Provide the axes of a plot, with the package's style.
 
     Parameters
     ----------
     ax : None, Axes, sequence of Axes, Figure or SubFigure
-        None makes a figure that pyplot knows; a figure is divided; axes are drawn on as they are.
+        If None, a new pyplot figure is created; a figure is divided; axes are used unchanged.
     names : sequence of str
-        What each of the axes shows; so many are needed.
+        Quantities of the axes; their number is the number of axes.
     size : (float, float)
-        Of a new figure [in].
+        Size of a new figure [in].
     divide : callable, optional
-        Divides a figure into the axes; by default one below the other, with one abscissa.
+        Divides a figure into the axes; by default stacked, with a common abscissa.
 
     Yields
     ------
@@ -119,21 +119,21 @@ def panels(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Div
     Raises
     ------
     TypeError, ValueError
-        ``ax`` is something else, or not as many axes as the picture has.
+        If ``ax`` has another type or number of axes.
     """
     if ax is not None:
         with style():
             yield _axes(ax, names, size, divide)
         return
-    import matplotlib.pyplot as plt  # the only place: reports must not have figures that pyplot keeps
+    import matplotlib.pyplot as plt  # imported here only: pyplot retains its figures, which reports must not
 
     # before the look, whose end takes settings back: a notebook's backend sets some when it meets its first figure
-    made = plt.figure(figsize=size, layout="constrained")
+    figure = plt.figure(figsize=size, layout="constrained")
     try:
         with style():
-            yield _axes(made, names, size, divide)
+            yield _axes(figure, names, size, divide)
     except BaseException:
-        plt.close(made)
+        plt.close(figure)
         raise
 
 
@@ -142,42 +142,42 @@ def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divi
         if isinstance(ax, Sheet):
             ax.set_size_inches(*size)
         parts: Any = ax.subplots(len(names), 1, sharex=True) if divide is None else divide(ax)
-        given = list(np.ravel(np.asarray(parts, dtype=object)))
+        axes = list(np.ravel(np.asarray(parts, dtype=object)))
     else:
-        given = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
-        if not all(isinstance(item, Axes) for item in given):
+        axes = [ax] if isinstance(ax, Axes) else list(np.ravel(np.asarray(ax, dtype=object)))
+        if not all(isinstance(item, Axes) for item in axes):
             many = f"a sequence of {len(names)} ({', '.join(names)})" if len(names) > 1 else "a figure"
             raise TypeError(f"ax = {shown(ax)}: expected matplotlib axes, or {many}")
-        if len(given) != len(names):
-            raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(given)}")
-    result = np.empty(len(given), dtype=object)
-    result[:] = given
+        if len(axes) != len(names):
+            raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(axes)}")
+    result = np.empty(len(axes), dtype=object)
+    result[:] = axes
     return result
 
 
-def line_look(asked: Mapping[str, Any], **default: Any) -> dict[str, Any]:
+def line_look(style: Mapping[str, Any], **default: Any) -> dict[str, Any]:
     """Return line properties: the defaults, updated by properties of matplotlib in long or short form.
 
-    A given label is prefixed to the default label: "LQG: tip_left".
+    A label is prefixed to the default label: "LQG: tip_left".
 
     Raises
     ------
     TypeError
         If a property is not one of a line.
     """
-    given = normalize_kwargs(dict(asked), Line2D)
-    for name in given:
+    properties = normalize_kwargs(dict(style), Line2D)
+    for name in properties:
         if not hasattr(Line2D, f"set_{name}"):
             there = [word.removeprefix("set_") for word in dir(Line2D) if word.startswith("set_")]
             close = get_close_matches(name, there, n=1, cutoff=0.6)
             hint = f"; did you mean {close[0]!r}?" if close else _OF_OTHERS.get(name, "")
             raise TypeError(f"plot() got an unexpected keyword argument {name!r}, which is no property of a line{hint}")
     own = default.get("label")
-    if given.get("label") is not None and own is not None:
-        given["label"] = f"{given['label']}: {own}"
-    elif given.get("label") is None:
-        given.pop("label", None)
-    return default | given
+    if properties.get("label") is not None and own is not None:
+        properties["label"] = f"{properties['label']}: {own}"
+    elif properties.get("label") is None:
+        properties.pop("label", None)
+    return default | properties
 
 
 def in_rows(count: int) -> tuple[int, int, Divide]:
@@ -192,12 +192,12 @@ def in_rows(count: int) -> tuple[int, int, Divide]:
 
 
 def divided(rows: int, columns: int, **options: Any) -> Divide:
-    """Return what divides a figure into axes in rows and columns, as matplotlib's ``subplots`` takes them."""
+    """Return a function that divides a figure into rows and columns of axes, with options of ``subplots``."""
     return lambda figure: np.ravel(figure.subplots(rows, columns, **options))
 
 
 def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
-    """Finish panels one below the other over time, of which a share is left free at both ends, each with its label."""
+    """Label stacked panels over time, with a margin at both ends as a fraction of the duration."""
     for item, label in zip(axes, labels, strict=True):
         item.set(ylabel=label, xmargin=margin)
     axes[-1].set_xlabel("time [s]")
@@ -207,7 +207,7 @@ def over_time(axes: Array, labels: Iterable[str], margin: float = 0.0) -> None:
 def legend(ax: Any, outside: str = "", columns: int = 1, **look: Any) -> None:
     """Draw a legend if a curve has a label, within the axes or outside them ("above", "above left", "right")."""
     if ax.get_legend_handles_labels()[1]:
-        ax.legend(**look, **(_OUTSIDE[outside] | {"ncols": columns} if outside and beside(ax) else {}))
+        ax.legend(**look, **(_OUTSIDE[outside] | {"ncols": columns} if outside and reserves_space(ax) else {}))
 
 
 _OUTSIDE: dict[str, dict[str, Any]] = {
@@ -232,36 +232,36 @@ def few_labels(ax: Any) -> None:
             axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(_DECADES, _FRACTION)))
 
 
-def beside(ax: Any) -> bool:
+def reserves_space(ax: Any) -> bool:
     """Return True if the layout of the figure reserves space outside the axes."""
     return ax.figure.get_layout_engine() is not None
 
 
-def common_legend(ax: Any, axes: Any, place: str = "lower center", **options: Any) -> None:
-    """Draw the legend of one of the axes: below the whole picture if it has a figure to itself, otherwise within them.
+def common_legend(ax: Any, axes: Any, location: str = "lower center", **options: Any) -> None:
+    """Draw the legend of one of the axes: below the plot if it has a separate figure, otherwise inside.
 
-    ``ax`` is what the user gave.
+    ``ax`` is the argument of the user.
     """
     if ax is None or isinstance(ax, FigureBase):
-        axes.figure.legend(*axes.get_legend_handles_labels(), loc=f"outside {place}", **options)
+        axes.figure.legend(*axes.get_legend_handles_labels(), loc=f"outside {location}", **options)
     else:
         axes.legend()
 
 
 def frequency_axis(ax: Any, frequency_unit: str | None = None, natural: str = "Hz") -> float:
-    """Label an axis of frequencies, and return what angular frequencies [rad/s] are divided by on it.
+    """Label a frequency axis, and return its unit in rad/s.
 
     Parameters
     ----------
     ax : Axes
     frequency_unit : {"Hz", "rad/s"}, optional
-        By default that of the curves that are there already, also python-control's; otherwise ``natural``.
+        If None, the unit of existing curves, also from python-control; otherwise ``natural``.
     natural : str
 
     Raises
     ------
     ValueError
-        Another unit, or another one than that of the curves that are there.
+        If the unit is unknown, or differs from that of existing curves.
     """
     if frequency_unit is not None and frequency_unit not in UNITS:
         raise ValueError(f"frequency_unit = {shown(frequency_unit)}: expected 'Hz' or 'rad/s'")
@@ -280,16 +280,16 @@ def frequency_axis(ax: Any, frequency_unit: str | None = None, natural: str = "H
 
 
 def picture(name: str, figure: Any, caption: str, *kinds: str) -> Picture:
-    """Return a figure as a picture of a report, with a file of each kind, by default SVG and PNG; the first is shown."""
+    """Return a figure of a report, with a file of each kind, by default SVG and PNG; the first is shown."""
     files = {}
     for kind in kinds or ("svg", "png"):
         files[kind] = figure_bytes(figure, kind)
-        figure.set_layout_engine("none")  # places are found now, and take as long as drawing
+        figure.set_layout_engine("none")  # the layout is known now and is as slow as drawing
     return Picture(name, caption, files)
 
 
 def film(name: str, animation: Any, caption: str) -> Picture:
-    """Return a picture of a report that moves, of an animation of matplotlib: a GIF."""
+    """Return an animation of matplotlib as a GIF of a report."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "film.gif"
         animation.save(path, "pillow", dpi=80)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.tuning.result import TuneResult
 
-_SHOWN = 8  # loops that are drawn at most, those whose peaks are highest (a choice)
+_SHOWN = 8  # loops drawn at most: those with the highest peaks
 
 
 def plot_reduction(
@@ -28,9 +28,9 @@ def plot_reduction(
     ----------
     result : ReductionResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis; by default that of the curves that are there already, otherwise Hz.
+        Unit of the frequency axis. If None, the unit of the existing axes, or Hz.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -53,9 +53,9 @@ def plot_reduction(
         where = "in the band" if result.omega_range is not None else "everywhere"
         levels = [("verified", where, result.error_norm, "--", ends)]
         levels += [("bound beforehand", "everywhere", result.error_bound, ":", x[[0, -1]])]
-        for name, place, level, dash, across in levels:
+        for name, extent, level, dash, across in levels:
             if 0.0 < level < np.inf:
-                text = f"{name}: at most {level:.3g} {place}"
+                text = f"{name}: at most {level:.3g} {extent}"
                 axes.plot(across, [level, level], linestyle=dash, color="0.2", linewidth=1.0, label=text)
         if (largest := float(curves.error.max())) > 0.0:
             low, high = axes.get_ylim()
@@ -70,17 +70,17 @@ def plot_reduction(
 def plot_h_infinity(
     result: "HInfinityResult", curves: "SigmaResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
 ) -> Any:
-    """Draw the singular values of a closed loop, its verified norm, and what no controller goes below.
+    """Draw the singular values of a closed loop, its verified norm, and the lower bound for all controllers.
 
     Parameters
     ----------
     result : HInfinityResult
     curves : SigmaResult
-        Of its closed loop.
+        Singular values of its closed loop.
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis, by default that of the curves that are there already.
+        Unit of the frequency axis. If None, the unit of the existing axes.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -111,11 +111,11 @@ def plot_tune(
     ----------
     result : TuneResult
     curves : mapping of str to SigmaResult
-        Of its closed loops, by the models' names.
+        Singular values of its closed loops, by model.
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis, by default that of the curves that are there already.
+        Unit of the frequency axis. If None, the unit of the existing axes.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -141,7 +141,7 @@ def plot_tune(
 
 
 def _curves(ax: Axes, x: Array, lines: Array, name: str, style: dict[str, Any], default: dict[str, Any]) -> None:
-    """Draw singular values under one name; those that are zero everywhere have no place on a logarithmic axis."""
+    """Draw singular values under one name; lines that are zero everywhere are omitted."""
     for k, line in enumerate(lines):
         if line.any():
             ax.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
@@ -152,6 +152,6 @@ def _level(ax: Axes, value: float, said: str, color: str, dash: str = "--") -> N
 
 
 def _least(ax: Axes, value: float) -> None:
-    """Draw what no controller goes below, where that is known."""
+    """Draw the lower bound for all controllers, if known."""
     if value > 0.0:
         _level(ax, value, f"no controller goes below {value:.4g}", "0.4", ":")

@@ -1,4 +1,4 @@
-"""Plots of fits: measured values and those of the model, before and after the fit."""
+"""Plots of fits: measured and computed values, before and after the fit."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from boomctl.identification.response import FrequencyResponseEstimate
     from boomctl.identification.result import FitResult
 
-_TOGETHER = "0.15"  # nearly black, of what is fitted to several data sets, each of which has a color (a choice)
-_BEFORE = "0.6"  # grey of what the start gave (a choice)
+_TOGETHER = "0.15"  # color of a fit to several data sets, each of which has another color
+_BEFORE = "0.6"  # color of the initial model
 _NORMAL = 1.96  # deviations to either side of a curve that hold 95 % of normal errors
-_SHADE = 0.25  # opacity of an interval (a choice)
+_SHADE = 0.25  # opacity of an interval
 
 
 def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
@@ -31,17 +31,17 @@ def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
 
 def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     data, modes = result.data, np.array(result.mode_numbers)
-    kept = data.kept
-    error = np.where(kept, data.spread, 0.0) * (0.0 if np.isnan(result.error_std) else result.error_std)
+    selected = data.kept
+    error = np.where(selected, data.spread, 0.0) * (0.0 if np.isnan(result.error_std) else result.error_std)
     if data.errors == "relative":
-        error = np.array([data.values * -np.expm1(-error), data.values * np.expm1(error)])[:, kept]
+        error = np.array([data.values * -np.expm1(-error), data.values * np.expm1(error)])[:, selected]
     else:
-        error = error[kept]
+        error = error[selected]
     for k in range(data.sets):
-        own = (np.zeros(len(kept), int) if data.member is None else data.member)[kept] == k
+        own = (np.zeros(len(selected), int) if data.member is None else data.member)[selected] == k
         number = "" if data.member is None else f", data set {k + 1}"
         label = f"measured{number}, ± 1 deviation"
-        at, values, bars = modes[kept][own], data.values[kept][own], error[..., own]
+        at, values, bars = modes[selected][own], data.values[selected][own], error[..., own]
         ax.errorbar(at, values, yerr=bars, fmt="o", color=COLORS[_of_set(k)], label=label)
     ax.plot(modes, result.initial_fit, "x", color=_BEFORE, label="start")
     look = {"marker": "s", "linestyle": "none", "fillstyle": "none", "color": COLORS[1], "markersize": 9}
@@ -53,7 +53,7 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
 
 
 def _of_set(k: int) -> int:
-    """Return which color a data set has: not that of what is fitted, which is the second, where there are others."""
+    """Return the color index of a data set; index 1 is the color of the fit."""
     return 0 if k == 0 else 2 + (k - 1) % (len(COLORS) - 2)
 
 
@@ -62,18 +62,20 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     hz = data.omega / (2.0 * np.pi)  # type: ignore[operator]
     measured = np.where(data.kept, np.abs(data.values), np.nan).reshape(-1, len(hz))
     first = np.unique(hz, return_index=True)[1]  # the model answers the same to every data set
-    fitted, begun = (np.abs(given).reshape(-1, len(hz))[:, first] for given in (result.best_fit, result.initial_fit))
+    fitted, initial = (
+        np.abs(values).reshape(-1, len(hz))[:, first] for values in (result.best_fit, result.initial_fit)
+    )
     what = "singular value" if data.kind == "singular values" else "entry"
-    for k, (seen, line, before) in enumerate(zip(measured, fitted, begun, strict=True)):
+    for k, (points, line, before) in enumerate(zip(measured, fitted, initial, strict=True)):
         color = COLORS[k % len(COLORS)] if data.member is None else _TOGETHER
         named = len(measured) <= len(COLORS)
         number = f", {what} {k + 1}" if len(measured) > 1 else ""
         ax.plot(hz[first], before, ":", color=_BEFORE, linewidth=1.0, label="start" if k == 0 else None)
         if data.member is None:
-            ax.plot(hz, seen, ".", color=color, markersize=3, label=f"measured{number}" if named else None)
+            ax.plot(hz, points, ".", color=color, markersize=3, label=f"measured{number}" if named else None)
         for j in range(data.sets if data.member is not None else 0):
             own, label = data.member == j, f"measured, data set {j + 1}" if k == 0 else None
-            ax.plot(hz[own], seen[own], ".", color=COLORS[_of_set(j)], markersize=3, label=label)
+            ax.plot(hz[own], points[own], ".", color=COLORS[_of_set(j)], markersize=3, label=label)
         ax.plot(hz[first], line, **{"color": color, "label": f"fitted{number}" if named else None, **drawn})
     ax.set_xscale("log" if (hz > 0.0).all() else "linear")
     ax.set_yscale("log")
@@ -110,19 +112,19 @@ def plot_response(
     return axes
 
 
-def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: Any) -> Any:
+def plot_identification(result: "IdentificationResult", ax: Any = None, **drawn: Any) -> Any:
     """Draw poles over orders with the identified modes, and spectra of validation data and residuals; return the axes."""
     with panels(ax, ("stabilization", "validation"), (7.0, 5.5)) as axes:
         first = {"label": "pole before the fit"}
-        for order, poles in found.stabilization_poles.items():
+        for order, poles in result.stabilization_poles.items():
             look = line_look({}, marker=".", linestyle="none", color=_BEFORE, **first)
             axes[0].plot(poles.imag / (2.0 * np.pi), np.full(len(poles), order), **look)
             first = {}
-        for k, mode in enumerate(found.modes):
-            label = None if k else "mode, 95 % interval" if found.confidence_level == 0.95 else "mode, interval"
+        for k, mode in enumerate(result.modes):
+            label = None if k else "mode, 95 % interval" if result.confidence_level == 0.95 else "mode, interval"
             axes[0].axvline(mode.frequency_hz, color=COLORS[1], linewidth=1.0, label=label)
             axes[0].axvspan(*mode.frequency_interval_hz, color=COLORS[1], alpha=_SHADE, linewidth=0.0)
-        hz, outputs, left = found.validation_spectra
+        hz, outputs, left = result.validation_spectra
         axes[1].plot(hz, outputs, **line_look(drawn, color=COLORS[0], label="outputs"))
         axes[1].plot(hz, left, **line_look(drawn, color=COLORS[5], linewidth=0.8, label="not predicted"))
         axes[1].set_yscale("log")
@@ -130,6 +132,6 @@ def plot_identification(found: "IdentificationResult", ax: Any = None, **drawn: 
         axes[1].set_ylabel("size over outputs' size")
         frequency_axis(axes[1])
         for item in axes:
-            item.set_xlim(*found.frequency_range_hz)
+            item.set_xlim(*result.frequency_range_hz)
             legend(item, loc="upper right")
     return axes

@@ -1,4 +1,4 @@
-"""Pictures of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
+"""Plots of systems and loops as python-control names them: Bode, Nyquist, step and impulse, poles and zeros."""
 
 from collections.abc import Iterable
 from itertools import cycle
@@ -13,7 +13,7 @@ from boomctl.checks import names
 from boomctl.lti.frequency import MODES
 from boomctl.lti.rounding import SUMMED
 from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, in_rows, legend, line_look, over_time, panels
-from boomctl.plotting.margins import NARROW, ROOM, SHADE, WIDE, draw_critical
+from boomctl.plotting.margins import MARGIN, NARROW, SHADE, WIDE, draw_critical
 
 if TYPE_CHECKING:
     from boomctl.analysis.looking.bode import BodeResult
@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from boomctl.analysis.modes import ModeTable
     from boomctl.analysis.nyquist import NyquistStability
 
-_STYLES = ("-", "--", ":", "-.")  # of lines, one each time that the colors have been through
-_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # of ticks of an angle: 45, 90 and 180 degrees among them
-_DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # ratios that a line is drawn for (a choice)
-_BETWEEN = 6  # places that are drawn from one that was computed to the next (a choice)
-_LINES = 4  # of equal damping that are drawn at most: more touch (a choice)
+_STYLES = ("-", "--", ":", "-.")  # line styles, changed after each cycle of the colors
+_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # tick spacings of angles, which include 45, 90 and 180 degrees
+_DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # damping ratios with a line
+_BETWEEN = 6  # interpolated points per computed point of a curve
+_LINES = 4  # lines of equal damping at most: labels of more would overlap
 
 
 def _looks(style: dict[str, Any], curves: Iterable[str], named: bool = False, **default: Any) -> list[dict[str, Any]]:
@@ -49,9 +49,9 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
     ----------
     result : BodeResult
     ax : sequence of two matplotlib Axes, or a figure, optional
-        Size and phase; by default a new figure of pyplot.
+        Axes of magnitude and phase. If None, a new figure is created.
     frequency_unit : {"Hz", "rad/s"}, optional
-        Of the frequency axis, by default that of the curves that are there.
+        Unit of the frequency axis. If None, the unit of the existing axes.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -62,14 +62,14 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
     with panels(ax, ("magnitude", "phase"), (6.4, 5.4)) as axes:
         upper, lower = axes
         scale = frequency_axis(lower, frequency_unit, result.frequency_unit)
-        seen = result.omega > 0.0  # there is no zero on a logarithmic axis
-        x, pairs = result.omega[seen] / scale, list(np.ndindex(result.frdata.shape[:2]))
+        shown = result.omega > 0.0  # there is no zero on a logarithmic axis
+        x, pairs = result.omega[shown] / scale, list(np.ndindex(result.frdata.shape[:2]))
         pair_names = [f"{result.input_labels[i]} → {result.output_labels[o]}" for o, i in pairs]
         phase = result.phase_deg
         for (o, i), look in zip(pairs, _looks(style, pair_names), strict=True):
-            size = np.abs(result.frdata[o, i])[seen]
+            size = np.abs(result.frdata[o, i])[shown]
             (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
-            lower.semilogx(x, phase[o, i][seen], **look)
+            lower.semilogx(x, phase[o, i][shown], **look)
         if result._unstable:
             said = "unstable: no response to sines, which would grow"
             upper.text(0.5, 1.02, said, transform=upper.transAxes, ha="center", va="bottom", fontweight="bold")
@@ -90,9 +90,9 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
     ----------
     result : NyquistResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -107,13 +107,13 @@ def plot_nyquist(result: "NyquistResult", ax: Any = None, **style: Any) -> Any:
 
 
 def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: str, style: dict[str, Any]) -> None:
-    """Draw a curve around -1, with its direction, what is said of it, and the critical disk."""
+    """Draw a curve around -1, with its direction, label and critical disk."""
     fresh = not ax.has_data()
     look = line_look(style, color=COLORS[0], marker="." if len(np.unique(curve)) == 1 else "none", label=said)
     draw_critical(ax, disk if fresh else None)
     ax.plot(curve.real, curve.imag, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
-    half = float(np.clip(ROOM * np.percentile(np.abs(curve), 90), NARROW, WIDE))
+    half = float(np.clip(MARGIN * np.percentile(np.abs(curve), 90), NARROW, WIDE))
     half = half if fresh else max(half, ax.get_xlim()[1])
     _arrows(ax, curve, half, look["color"])
     if disk is not None and fresh:
@@ -124,18 +124,18 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
 
 
 def _smooth(curve: Array) -> Array:
-    """Return a smooth curve through points that are less than 30 degrees apart."""
+    """Return a smooth curve through points at less than 30 degrees distance."""
     from scipy.interpolate import CubicSpline  # long to import
 
-    apart = np.abs(np.diff(curve))
-    kept = np.append(True, apart > SUMMED * np.abs(curve).max())
+    steps = np.abs(np.diff(curve))
+    distinct = np.append(True, steps > SUMMED * np.abs(curve).max())
     along = np.cumsum(
-        np.append(0.0, np.sqrt(np.abs(np.diff(curve[kept]))))
+        np.append(0.0, np.sqrt(np.abs(np.diff(curve[distinct]))))
     )  # Square roots of the lengths avoid loops next to long steps.
     if len(along) < 3:
         return curve
     t = np.interp(np.arange(_BETWEEN * (len(along) - 1) + 1) / _BETWEEN, np.arange(len(along)), along)
-    return CubicSpline(along, curve[kept])(t)
+    return CubicSpline(along, curve[distinct])(t)
 
 
 def _arrows(ax: Any, curve: Array, half: float, color: Any) -> None:
@@ -144,8 +144,8 @@ def _arrows(ax: Any, curve: Array, half: float, color: Any) -> None:
     if len(inside) < 3:
         return
     along = np.cumsum(np.abs(np.diff(curve))[inside])
-    for share in (0.3, 0.7):  # Fractions of the visible length.
-        k = int(inside[np.searchsorted(along, share * along[-1])])
+    for fraction in (0.3, 0.7):  # Fractions of the visible length.
+        k = int(inside[np.searchsorted(along, fraction * along[-1])])
         step = curve[k + 1] - curve[k]
         if step == 0.0:
             continue
@@ -163,7 +163,7 @@ def plot_transient(result: "TimeResponse", ax: Any = None, **style: Any) -> Arra
     ----------
     result : TimeResponse
     ax : sequence of matplotlib Axes, or a figure, optional
-        One axes an output; by default a new figure of pyplot.
+        One axes per output. If None, a new figure is created.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -189,9 +189,9 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
     ----------
     result : PoleZeroResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the marks, as matplotlib's lines take it.
+        Line properties of the markers, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -221,7 +221,7 @@ def plot_pole_zero(result: "PoleZeroResult", ax: Any = None, **style: Any) -> An
 
 
 def _top(result: "PoleZeroResult") -> float:
-    """Return the size up to which poles are shown: that of the slowest modes."""
+    """Return the largest modulus of the poles shown: that of the slowest modes."""
     size = np.sort(np.abs(result.poles))
     return float("inf") if result.dt or len(size) <= 2 * MODES else 1.05 * float(size[2 * MODES - 1])
 
@@ -233,7 +233,7 @@ def _damping_lines(ax: Any) -> None:
     reach = max(-left, 0.0)
     if reach == 0.0 or high <= 0.0:
         return
-    steep = reach / high  # of the diagonal of the picture, as a ratio of real to imaginary part
+    steep = reach / high  # ratio of real to imaginary part of the diagonal of the plot
     near = [
         z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep
     ]  # Lines that are distinguishable.
@@ -249,7 +249,7 @@ def _damping_lines(ax: Any) -> None:
 
 
 def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals: Any = (), **style: Any) -> Array:
-    """Draw several systems or results over each other, each in a color of its own.
+    """Draw several systems or results over each other, each in a separate color.
 
     Parameters
     ----------
@@ -257,9 +257,9 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     drawn : dict
         By name: signals by name and times; singular values; margins.
     ax : matplotlib Axes, sequence of them, or a figure, optional
-        One axes a signal or loop, one for singular values; by default a new figure of pyplot.
+        One axes per signal or loop, or one for singular values. If None, a new figure is created.
     signals : sequence of str
-        Which signals or loops; by default those that all have, six at most.
+        Signals or loops; by default the common ones, at most six.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -273,11 +273,13 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
                 curve.plot(axes[0], **look)
         return axes
     there = {name: list(part[0]) if what == "time" else [x.signal for x in part.loops] for name, part in drawn.items()}
-    common = [name for name in next(iter(there.values())) if all(name in given for given in there.values())]
-    if what == "time":  # what is the same for all, such as a disturbance, is no comparison
+    common = [name for name in next(iter(there.values())) if all(name in available for available in there.values())]
+    if what == "time":  # equal signals, such as disturbances, are omitted
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
-        apart = [name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])]
-        common = common if len(signals) or not apart else apart
+        differing = [
+            name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])
+        ]
+        common = common if len(signals) or not differing else differing
     chosen = common[: len(COLORS)] if not len(signals) else list(names("signal", signals, common))
     if not chosen:
         raise ValueError("signals: all of them have none in common")
@@ -300,7 +302,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
                 words = f"{look['label']}: disk {loop.disk_margin.alpha:.3g}"
                 item.plot(L.real, L.imag, **(look | {"label": words}))
                 gains = [1.0 / g for g in loop.gain_margin if 0.0 < g < np.inf]
-                half = float(np.clip(ROOM * max(gains, default=1.0), half, WIDE))
+                half = float(np.clip(MARGIN * max(gains, default=1.0), half, WIDE))
             item.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
             legend(item, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
     return axes
@@ -313,9 +315,9 @@ def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) ->
     ----------
     result : NyquistStability
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -331,26 +333,26 @@ def plot_exact_loop(result: "NyquistStability", ax: Any = None, **style: Any) ->
 
 
 def plot_mode_table(result: "ModeTable", ax: Any = None, **style: Any) -> Any:
-    """Draw the damping of each mode over its frequency, both logarithmic; what has no damping is said.
+    """Draw the damping of each mode over its frequency, both logarithmic; the legend counts modes without damping.
 
     Parameters
     ----------
     result : ModeTable
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the marks, as matplotlib's lines take it.
+        Line properties of the markers, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
     matplotlib Axes
     """
     with panels(ax, ("damping",), (6.0, 3.8)) as (axes,):
-        seen = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
-        missing = len(result.rows) - len(seen)
+        shown = [row for row in result.rows if row.damping_ratio > 0.0 and np.isfinite(row.omega) and row.omega > 0.0]
+        missing = len(result.rows) - len(shown)
         said = f"modes ({missing} without damping not shown)" if missing else "modes"
         look = line_look(style, color=COLORS[0], marker="o", markersize=4, linestyle="none", label=said)
-        axes.loglog([row.omega / (2.0 * np.pi) for row in seen], [100.0 * row.damping_ratio for row in seen], **look)
+        axes.loglog([row.omega / (2.0 * np.pi) for row in shown], [100.0 * row.damping_ratio for row in shown], **look)
         axes.set(xlabel="natural frequency [Hz]", ylabel="damping [%]")
         few_labels(axes)
         axes.legend()

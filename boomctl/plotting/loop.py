@@ -1,4 +1,4 @@
-"""Pictures over time: a simulated loop with its controls, stops and friction, and a forced response."""
+"""Plots over time: a simulated loop with its controls, stops and friction, and a forced response."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from boomctl.simulation.forced_response import ForcedResponse
     from boomctl.simulation.result import LoopResult
 
-# outputs by how their names end, and the panel that they have to themselves: one with the others would show only some
-_APART = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
+# suffixes of outputs with a separate panel, since their scales differ from those of others
+_SEPARATE_PANELS = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
 _ABOVE = 1.6  # Upper limit of the axis for requested controls, relative to the largest control.
 
 
@@ -28,7 +28,7 @@ def plot_loop(
     result : LoopResult
     ax : sequence of matplotlib Axes, or a figure, optional
         One for the outputs of each unit, the strokes, the controls and the friction, those that there are; accelerations,
-        moments and strains are drawn separately if units are unknown.  By default a new figure of pyplot.
+        moments and strains are drawn separately if units are unknown.  Axes to draw on. If None, a new figure is created.
     outputs : str or sequence of str, optional
         By default the first six that are not strokes.
     **style
@@ -66,20 +66,24 @@ def _draw_groups(result: Any, groups: list[tuple[str, str, dict[str, Any]]], ax:
     return axes
 
 
-def _chosen(there: dict[str, Any], asked: str | Sequence[str] | None, without: Iterable[str] = ()) -> dict[str, Any]:
+def _chosen(
+    there: dict[str, Any], requested: str | Sequence[str] | None, without: Iterable[str] = ()
+) -> dict[str, Any]:
     """Return the outputs to draw: the requested ones, or the first."""
-    if asked is not None:
-        return {name: there[name] for name in names("output", asked, tuple(there))}
+    if requested is not None:
+        return {name: there[name] for name in names("output", requested, tuple(there))}
     return {name: there[name] for name in [name for name in there if name not in without][: len(COLORS)]}
 
 
 def _panels(kind: str, signals: dict[str, Any], units: Mapping[str, str]) -> list[tuple[str, str, dict[str, Any]]]:
-    """Return kind, label and signals of each panel: one for each unit, and for what differs in kind where that is unknown."""
+    """Return kind, label and signals of each panel: one for each unit, or for each kind of signal without a unit."""
     result: dict[str, dict[str, Any]] = {}
     for name, values in signals.items():
         whole = name.removesuffix("_sym").removesuffix("_anti")
-        apart = next((panel for end, panel in _APART.items() if kind == "outputs" and whole.endswith(end)), kind)
-        result.setdefault(labeled(apart, units.get(name, "")), {})[name] = values
+        group = next(
+            (panel for end, panel in _SEPARATE_PANELS.items() if kind == "outputs" and whole.endswith(end)), kind
+        )
+        result.setdefault(labeled(group, units.get(name, "")), {})[name] = values
     return [(kind, label, item) for label, item in result.items()]
 
 
@@ -105,13 +109,13 @@ def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[
 def plot_forced_response(
     result: "ForcedResponse", ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any
 ) -> Array:
-    """Draw what drives a plant, and its outputs, over time.
+    """Draw inputs and outputs of a plant over time.
 
     Parameters
     ----------
     result : ForcedResponse
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for the inputs and for the outputs of each unit; by default a new figure of pyplot.
+        Axes for the inputs, and for the outputs of each unit. If None, a new figure is created.
     outputs : str or sequence of str, optional
         By default the first six.
     **style

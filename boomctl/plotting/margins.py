@@ -10,10 +10,10 @@ from boomctl.plotting.canvas import COLORS, in_rows, legend, line_look, panels
 if TYPE_CHECKING:
     from boomctl.analysis.margins import DiskMargin, LoopMargin, Margins
 
-# half of the side of the square that is shown, at least (the unit circle and the critical point) and at most (choices)
+# smallest (unit circle and critical point) and largest half-width of the plotted square
 NARROW, WIDE = 1.7, 4.0
-ROOM = 1.15  # of the square beyond the farthest margin (a choice)
-_FLAT = 1e3  # gain of a disk margin from which the disk is a half plane to the eye (a choice)
+MARGIN = 1.15  # half-width of the plotted square over the distance of the farthest margin
+_FLAT = 1e3  # gain of a disk margin above which the disk is drawn as a half-plane
 SHADE = "#f3d9c9"
 
 
@@ -24,9 +24,9 @@ def plot_margins(result: "Margins", ax: Any = None, **style: Any) -> Array:
     ----------
     result : Margins
     ax : sequence of matplotlib Axes, or a figure, optional
-        One axes a loop; by default a new figure of pyplot.
+        One axes per loop. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -50,9 +50,9 @@ def plot_loop_margin(result: "LoopMargin", ax: Any = None, **style: Any) -> Any:
     ----------
     result : LoopMargin
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -87,21 +87,21 @@ def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
     curve, disk = -L, loop.disk_margin
     look = line_look(style, color=COLORS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
     far = [1.0, *(1.0 / factor for factor in loop.gain_margin if 0.0 < factor < np.inf)]
-    half = float(np.clip(ROOM * max(far), NARROW, WIDE))
+    half = float(np.clip(MARGIN * max(far), NARROW, WIDE))
     draw_critical(ax, disk)
     ax.plot(curve.real, curve.imag, **look)
     ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
-    for words, places, marker, color in _marks(loop, omega, curve):
+    for words, marked, marker, color in _marks(loop, omega, curve):
         look = {"marker": marker, "color": color, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
-        ax.plot(np.real(places), np.imag(places), label=words, **look)
+        ax.plot(np.real(marked), np.imag(marked), label=words, **look)
     ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
     legend(ax, "above left", title=f"Opened at {loop.signal}", title_fontsize=8, fontsize=7, alignment="left")
 
 
 def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, list[complex], str, str]]:
-    """Return the margins in words, and where on the curve they are."""
+    """Return the margins as text, and their points on the curve."""
 
-    def place(at: float) -> list[complex]:
+    def points(at: float) -> list[complex]:
         return [complex(curve[np.argmin(np.abs(omega - at))])] if np.isfinite(at) else []
 
     def hz(at: float) -> str:
@@ -117,7 +117,7 @@ def _marks(loop: "LoopMargin", omega: Array, curve: Array) -> list[tuple[str, li
     status = "" if disk.verified else ", not verified"
     return [
         (f"gain {loop.gain_margin[0]:.3g} to {high}", gains, "s", COLORS[1]),
-        (phase, place(loop.phase_margin_omega), "o", COLORS[2]),
-        (delay, place(loop.delay_margin_omega), "^", COLORS[3]),
-        (f"disk {disk.alpha:.3g}{status}{hz(disk.omega)}", place(disk.omega), "D", COLORS[5]),
+        (phase, points(loop.phase_margin_omega), "o", COLORS[2]),
+        (delay, points(loop.delay_margin_omega), "^", COLORS[3]),
+        (f"disk {disk.alpha:.3g}{status}{hz(disk.omega)}", points(disk.omega), "D", COLORS[5]),
     ]

@@ -10,12 +10,10 @@ from boomctl.plotting.canvas import COLORS, common_legend, in_rows, legend, line
 if TYPE_CHECKING:
     from boomctl.structure.response.mode_shapes import BodyShape, ModeShapes
 
-_FLAT = (
-    0.02  # share of its length up to which a machine is a line, whose motion is drawn to a scale of its own (a choice)
-)
-_SCALE = 0.15  # of a machine's size, as which the largest motion of others is drawn (a choice)
+_FLAT = 0.02  # width over length up to which a machine counts as a line, with a separate scale of its motion
+_SCALE = 0.15  # largest plotted motion of other machines, as a fraction of their size
 _ACROSS = "along the beam, drawn across"  # Axial motion, which is not visible along the line.
-_MOST_NAMED = 30  # coordinates that are named below their bars (a choice)
+_MOST_NAMED = 30  # largest number of labeled coordinates
 
 
 def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Array:
@@ -25,9 +23,9 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     ----------
     result : ModeShapes
     ax : sequence of matplotlib Axes, or a figure, optional
-        One axes a mode; by default a new figure of pyplot.
+        One axes per mode. If None, a new figure is created.
     **style
-        Of the beams, or of the bars' ends, as matplotlib's lines take it.
+        Line properties of the beams or the ends of the bars, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Pictures of run time against error: all methods drawn alike, the front of all marked."""
+"""Plots of run time against error: all methods, and their common front."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
@@ -10,9 +10,9 @@ from matplotlib.lines import Line2D
 from boomctl.plotting.canvas import COLORS, divided, few_labels, panels
 
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "h")  # Markers of the methods of one color.
-_FLOOR = 1e-17  # where an error of zero is drawn: below what doubles tell
-_USELESS = 10.0  # relative error from which on an answer is not drawn: it is none (a choice)
-_WAYS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
+_FLOOR = 1e-17  # ordinate of a zero error: below double precision
+_USELESS = 10.0  # relative error above which a result is not drawn
+_CALLS = {"cold": "cold: first call in a new process", "hot": "hot: later calls"}
 
 
 def plot_precision(diagram: Any, ax: Any = None) -> Any:
@@ -22,17 +22,17 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
     """
     divide = divided(1, 2, sharex=True, sharey=True)
     # One line of the legend for four methods.
-    with panels(ax, list(_WAYS), (10.5, 4.8 + 0.18 * (len(diagram.methods) // 4)), divide) as axes:
+    with panels(ax, list(_CALLS), (10.5, 4.8 + 0.18 * (len(diagram.methods) // 4)), divide) as axes:
         looks = _looks(diagram.methods)
-        for way, drawn_on in zip(_WAYS, axes, strict=True):
+        for calls, drawn_on in zip(_CALLS, axes, strict=True):
             for name, points in diagram.methods.items():
-                places = _places(points, way)
-                if places:
-                    drawn_on.plot(*zip(*places, strict=True), label=name, **looks[name])
+                coordinates = _coordinates(points, calls)
+                if coordinates:
+                    drawn_on.plot(*zip(*coordinates, strict=True), label=name, **looks[name])
             drawn_on.set_xscale("log")
             drawn_on.set_yscale("log")
-            _draw_front(drawn_on, _places(diagram.front(way), way))
-            drawn_on.set_title(_WAYS[way])
+            _draw_front(drawn_on, _coordinates(diagram.front(calls), calls))
+            drawn_on.set_title(_CALLS[calls])
             drawn_on.set_xlabel("relative error")
         axes[0].set_ylabel("run time of a call [s]")
         for drawn_on in axes:
@@ -56,17 +56,17 @@ def _looks(methods: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _places(points: Iterable[Any], way: str) -> list[tuple[float, float]]:
+def _coordinates(points: Iterable[Any], calls: str) -> list[tuple[float, float]]:
     """Return error and run time of the points that have both, in their order."""
-    timed = ((max(point.error, _FLOOR), point.elapsed(way)) for point in points if isfinite(point.error))
+    timed = ((max(point.error, _FLOOR), point.elapsed(calls)) for point in points if isfinite(point.error))
     return [(error, elapsed) for error, elapsed in timed if elapsed is not None and error < _USELESS]
 
 
-def _draw_front(ax: Any, places: list[tuple[float, float]]) -> None:
-    """Draw the front as steps behind everything: what is to be had at each error."""
-    if not places:
+def _draw_front(ax: Any, coordinates: list[tuple[float, float]]) -> None:
+    """Draw the front as steps behind the curves: the least run time over error."""
+    if not coordinates:
         return
-    errors, seconds = zip(*sorted(places), strict=True)
+    errors, seconds = zip(*sorted(coordinates), strict=True)
     right = max(ax.get_xlim()[1], errors[-1])
     look = {"color": "#bbbbbb", "linewidth": 5.0, "zorder": 0, "solid_capstyle": "butt"}
     ax.step([*errors, right], [*seconds, seconds[-1]], where="post", **look)

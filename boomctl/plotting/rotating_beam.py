@@ -1,4 +1,4 @@
-"""Pictures of the hub-beam: its motion, spin-ups, curves in panels."""
+"""Plots of the hub-beam: its motion, spin-ups, curves in panels."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -25,9 +25,9 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
     ----------
     result : SimulationResult
     ax : sequence of four matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -72,9 +72,9 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
     ----------
     result : CampbellDiagram
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot; on a diagram that is there already the multiples are not drawn again.
+        Axes to draw on. If None, a new figure is created. The multiples are not drawn again on an existing diagram.
     **style
-        Of the frequencies, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -109,7 +109,7 @@ def plot_campbell(result: "CampbellDiagram", ax: Any = None, **style: Any) -> An
 
 
 def _orders(ax: Axes, orders: tuple[float, ...], right: float, top: float) -> None:
-    """Draw multiples of the hub speed, each named where it leaves the picture."""
+    """Draw multiples of the hub speed, each labeled where it leaves the plot."""
     for order in orders:
         end = min(right, 2.0 * np.pi * top / order)
         ax.plot([0.0, end], [0.0, order * end / (2.0 * np.pi)], color="0.65", linewidth=0.8, zorder=0)

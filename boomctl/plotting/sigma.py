@@ -1,4 +1,4 @@
-"""Pictures over frequency: singular values, of one system or several, and measured ones."""
+"""Plots over frequency: singular values, of one system or several, and measured ones."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -17,18 +17,18 @@ _SIZE = (6.4, 4.2)  # in: a column and a half of a paper
 def plot_sigma(result: "SigmaResult", ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
     """Draw singular values over frequency, both axes logarithmic, and mark a verified peak.
 
-    Of an unstable system, which answers no sine so, the curves are dotted and the picture says why.
+    For an unstable system, which has no steady response to sines, the curves are dotted and labeled.
 
     Parameters
     ----------
     result : SigmaResult
     ax : matplotlib Axes, Figure or SubFigure, optional
-        Where to draw, for instance an axes of one of python-control's own plots; by default a new figure of pyplot.
+        Axes to draw on, for instance of a plot of python-control. If None, a new figure is created.
     frequency_unit : {"Hz", "rad/s"}, optional
         Unit of the frequency axis. If None, that of the existing axes, otherwise that of the requested frequencies,
         or Hz.
     **style
-        Of the curves, as matplotlib's lines take it: ``label``, ``color``, ``linestyle``, ...
+        Line properties, passed to `matplotlib.axes.Axes.plot`: ``label``, ``color``, ``linestyle``, ...
 
     Returns
     -------
@@ -37,7 +37,7 @@ def plot_sigma(result: "SigmaResult", ax: Any = None, *, frequency_unit: str | N
     Raises
     ------
     TypeError, ValueError
-        Other axes; an unknown unit, or another one than that of the curves that are there; no property of a line.
+        If the axes have another type, the unit is unknown or differs from that of existing curves, or a property is unknown.
     """
     with panels(ax, ("singular values",), _SIZE) as (axes,):
         _draw(result, axes, frequency_unit, style)
@@ -50,16 +50,16 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
     scale, label = frequency_axis(ax, frequency_unit, result.frequency_unit), look.pop("label", None)
     if not result.stable:
         look["linestyle"], label = ":", f"{label} (unstable)" if label else label
-    seen = result.omega > 0.0  # there is no zero on a logarithmic axis
-    draw = ax.loglog if (result.sigma[:, seen] > 0.0).any() or ax.has_data() else ax.semilogx
+    positive = result.omega > 0.0  # there is no zero on a logarithmic axis
+    draw = ax.loglog if (result.sigma[:, positive] > 0.0).any() or ax.has_data() else ax.semilogx
     for k, line in enumerate(result.sigma):
-        (drawn,) = draw(result.omega[seen] / scale, line[seen], label=label if k == 0 else None, **look)
+        (drawn,) = draw(result.omega[positive] / scale, line[positive], label=label if k == 0 else None, **look)
         look["color"] = drawn.get_color()
     color = look.get("color")
     if not result.stable:
         said = f"{label or 'unstable'}: no response to sines, which would grow"
-        place = 1.02 + 0.06 * len(ax.texts)  # In axes units: right of the curves, above the notes of other systems.
-        ax.text(0.5, place, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
+        height = 1.02 + 0.06 * len(ax.texts)  # In axes units: right of the curves, above the notes of other systems.
+        ax.text(0.5, height, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
     if result.verified and np.isfinite(result.peak) and result.peak_omega > 0.0:
         said = None if _PEAK in ax.get_legend_handles_labels()[1] else _PEAK
         x, y = result.peak_omega / scale, result.peak
@@ -70,8 +70,8 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
 
 
 def _legend(ax: Any) -> None:
-    """Draw the legend, what the circles are last."""
-    result = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda each: each[1] == _PEAK)
+    """Draw the legend, with the entry of the circles last."""
+    result = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] == _PEAK)
     if result:
         ax.legend(*zip(*result, strict=True))
 
@@ -79,13 +79,13 @@ def _legend(ax: Any) -> None:
 def plot_sigma_comparison(
     comparison: "SigmaComparison", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
 ) -> Any:
-    """Draw the singular values of several systems, each in a color of its own, on one frequency axis.
+    """Draw the singular values of several systems, each in a separate color, on one frequency axis.
 
     Parameters
     ----------
     comparison : SigmaComparison
     ax, frequency_unit, **style
-        As for :func:`plot_sigma`; ``style`` is that of all curves.
+        See :func:`plot_sigma`; ``style`` applies to all curves.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def plot_measured(
     ----------
     curve : MeasuredFrequencyResponse
     ax, frequency_unit, **style
-        As for :func:`plot_sigma`; by default in Hz, as measured.
+        See :func:`plot_sigma`; by default in Hz, as measured.
 
     Returns
     -------
@@ -118,8 +118,8 @@ def plot_measured(
         scale = frequency_axis(axes, frequency_unit)
         for label, line in zip(curve.labels, curve.magnitude, strict=True):
             look = line_look(style, label=label, color="#444444", linestyle="none", marker=".", markersize=4)
-            seen = (curve.frequency_hz > 0.0) & (line > 0.0) if fresh else slice(None)
-            axes.plot(2.0 * np.pi * curve.frequency_hz[seen] / scale, line[seen], **look)
+            shown = (curve.frequency_hz > 0.0) & (line > 0.0) if fresh else slice(None)
+            axes.plot(2.0 * np.pi * curve.frequency_hz[shown] / scale, line[shown], **look)
         if fresh:
             axes.set(xscale="log", yscale="log", ylabel="measured magnitude")
             few_labels(axes)

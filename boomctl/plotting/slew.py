@@ -1,4 +1,4 @@
-"""Pictures of slews: one, several side by side, feedback, switching function, spin-ups, an animation."""
+"""Plots of slews: one, several side by side, feedback, switching function, spin-ups, an animation."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
@@ -27,10 +27,10 @@ from boomctl.plotting.canvas import (
 from boomctl.plotting.rotating_beam import mark_large
 
 _SHAPES = "osDPXph*d<>"
-_BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: the middle run, the middle half, nine of ten (a choice)
-_NEAR = 0.7  # share of a limit from which a curve is near it, and the limit drawn (a choice)
+_BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: median, quartiles, and the central 90 %
+_NEAR = 0.7  # fraction of a limit above which the limit is drawn
 _NOTHING = 1e-4  # Vibration that is drawn as zero [m].
-_AROUND = 0.01  # share of the time that is left free at both ends, where a torque begins and ends upright (a choice)
+_AROUND = 0.01  # margin of the time axis on both sides, as a fraction, so that vertical steps are visible
 
 
 def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
@@ -40,15 +40,15 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     ----------
     result : SlewResult
     ax : sequence of matplotlib Axes, or a figure, optional
-        One for each of these that there are; by default a new figure of pyplot.
+        One for each available quantity. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
     (n,) ndarray of matplotlib Axes
     """
-    limits = result.plan.problem.limits.given
+    limits = result.plan.problem.limits.by_kind
     there = {
         "torque": result.torque,
         "angle": result.hub_angle,
@@ -83,9 +83,9 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     ----------
     history : TorqueProfile
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curve, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -123,11 +123,11 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     comparison : SlewComparison
     ax : sequence of matplotlib Axes, or a figure, optional
         One for the torque of each slew drawn over time, one for their tips, one for the vibration, and one for the
-        vibration over tip masses if there are some; by default a new figure of pyplot.
+        vibration over tip masses, if any. If None, a new figure is created.
     names : sequence of str
-        Which slews to draw over time; the vibration is drawn of all. () draws the first four.
+        Slews to draw over time, the first four if empty. The vibration of all slews is drawn.
     **style
-        Of the curves over time, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -136,7 +136,7 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     for name in names:
         known("slew", name, [line.name for line in comparison.rows])
     shown = [line for line in comparison.rows if line.name in names] if names else list(comparison.rows[:4])
-    # those drawn over time come first, for colors repeat
+    # slews drawn over time come first, since colors repeat
     ranked = [*shown, *(line for line in comparison.rows if line not in shown)]
     looks, loads = {line.name: _line_style(k) for k, line in enumerate(ranked)}, comparison.tip_masses
 
@@ -226,25 +226,25 @@ def _vibration_ticks(ax: Any) -> None:
 
 
 def _separated(values: list[float]) -> Array:
-    """Abscissae of markers: equal ones are moved a little aside."""
-    places = np.array(values)
-    step = 0.025 * max(float(np.ptp(places)), 1e-9)
-    order = np.argsort(places, kind="stable")
+    """Return abscissae of markers, with equal ones separated."""
+    positions = np.array(values)
+    step = 0.025 * max(float(np.ptp(positions)), 1e-9)
+    order = np.argsort(positions, kind="stable")
     for before, k in pairwise(order):
-        places[k] = max(places[k], places[before] + step)
-    return places
+        positions[k] = max(positions[k], positions[before] + step)
+    return positions
 
 
 def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
-    """Draw the runs of a tracked slew: hub angle less the plan, tip, torque, and how much vibration is left how often.
+    """Draw the runs of a tracked slew: hub angle less the plan, tip, torque, and distribution of the residual vibration.
 
     Parameters
     ----------
     study : TrackingStudy
     ax : sequence of four matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -273,8 +273,8 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
         axes[1].legend(loc="upper right", ncols=2)
         axes[2].set_xlabel("time [s]")
         left = np.maximum(np.sort(study.residual_vibration), _NOTHING)
-        share = np.arange(1, left.size + 1) / left.size
-        axes[3].semilogx(np.append(left[0], left), np.append(0.0, share), **line_look(style, drawstyle="steps-post"))
+        fraction = np.arange(1, left.size + 1) / left.size
+        axes[3].semilogx(np.append(left[0], left), np.append(0.0, fraction), **line_look(style, drawstyle="steps-post"))
         axes[3].set_ylim(0.0, 1.02)
         axes[3].set_ylabel("share of runs")
         axes[3].set_xlabel("vibration left, at most [m]")
@@ -301,9 +301,9 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
     ----------
     curve : SwitchingFunction
     ax : sequence of two matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the two curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------
@@ -338,20 +338,20 @@ def plot_switching(curve: Any, ax: Any = None, **style: Any) -> Array:
 def animate_slew(
     h: Any, motions: Mapping[str, Any], *, title: str = "", until: float | None = None, time_step: float = 0.05
 ) -> FuncAnimation:
-    """Animate motions of a hub-beam, seen from above, in real time.
+    """Animate motions of a hub-beam in real time, in top view.
 
     Parameters
     ----------
     h : hub-beam
-        What `hub_beam` returns, or a geometrically exact beam: it gives the shape of its states.
+        Result of `hub_beam`, or a geometrically exact beam, for the shape of its states.
     motions : mapping of str to SimulationResult
-        Motions by the name that the legend shows; ``h.simulate(slew, timepts)`` returns one.
+        Motions by name, as from ``h.simulate(slew, timepts)``.
     title : str
         Title, above the time.
     until : float, optional
-        End time [s]. If None, that of the first motion.
+        End time [s]. If None, the end of the first motion.
     time_step : float
-        Between frames [s].
+        Time between frames [s].
 
     Returns
     -------
@@ -387,7 +387,7 @@ def animate_slew(
         ax.legend(loc="lower left")
         caption = ax.set_title(" ")
         figure.draw_without_rendering()
-        figure.set_layout_engine("none")  # places stay, and take longer to find than to draw
+        figure.set_layout_engine("none")  # the layout is constant and slower than drawing
 
     def draw(k: int) -> list[Any]:
         spoke.set_data([0.0, axis[k].real], [0.0, axis[k].imag])
@@ -400,15 +400,15 @@ def animate_slew(
 
 
 def plot_shaper(result: Any, ax: Any = None, **style: Any) -> Array:
-    """Draw a train's impulses over time, and the vibration that it leaves over its frequency.
+    """Draw the impulses of a shaper over time, and its residual vibration over frequency.
 
     Parameters
     ----------
     result : Shaper
     ax : sequence of two matplotlib Axes, or a figure, optional
-        Impulses and vibration left; by default a new figure of pyplot.
+        Axes of impulses and residual vibration. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Pictures of excitation and spray: deposit on the field, motion over time, tracks."""
+"""Plots of excitation and spray: deposit on the field, motion over time, tracks."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def plot_deposit(
     ----------
     result : SprayResult
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     label : str
         The title.
     length : float, optional
@@ -69,12 +69,12 @@ def plot_deposit(
 
 def _figures(result: SprayResult) -> str:
     return (
-        f"CV {100 * result.cv:.1f} %, {_share(result.share_outside_10)} outside ±10 %,"
-        f" {_share(result.share_outside_20)} outside ±20 %, doses {result.min_dose:.2f} to {result.max_dose:.2f}"
+        f"CV {100 * result.cv:.1f} %, {_percent(result.share_outside_10)} outside ±10 %,"
+        f" {_percent(result.share_outside_20)} outside ±20 %, doses {result.min_dose:.2f} to {result.max_dose:.2f}"
     )
 
 
-def _share(value: float) -> str:
+def _percent(value: float) -> str:
     return "none" if value == 0.0 else "< 0.1 %" if value < 0.001 else f"{100 * value:.1f} %"
 
 
@@ -85,7 +85,7 @@ def plot_track(track: Track, ax: Any = None, **style: Any) -> Any:
     ----------
     track : Track
     ax : matplotlib Axes or figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
         Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the labels.
 
@@ -109,9 +109,9 @@ def plot_motion(motion: PlatformMotion, ax: Any = None, **style: Any) -> Array:
     ----------
     motion : PlatformMotion
     ax : sequence of two matplotlib Axes, or a figure, optional
-        By default a new figure of pyplot.
+        Axes to draw on. If None, a new figure is created.
     **style
-        Of the curves, as matplotlib's lines take it.
+        Line properties, passed to `matplotlib.axes.Axes.plot`.
 
     Returns
     -------

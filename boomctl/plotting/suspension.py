@@ -1,4 +1,4 @@
-"""Pictures of suspensions: singular values before and after, weights, a run over the field."""
+"""Plots of suspensions: singular values before and after, weights, a run over the field."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any

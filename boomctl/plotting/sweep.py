@@ -1,4 +1,4 @@
-"""Pictures of sweeps: all points over one parameter, a color and a line of medians for each value of another one."""
+"""Plots of sweeps: all points over one parameter, a color and a line of medians for each value of another one."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,8 @@ def plot_sweep(
     """Draw a number over a swept parameter; return the axes."""
     numbers = [name for name in result.columns if np.array([_number(row, name) for row in result.table]).any()]
     axes = [name for name in result.swept if all(_number(point, name) for point in result.points)]
-    for what, found in (("column", numbers), ("swept parameter", axes)):
-        if not found:
+    for what, available in (("column", numbers), ("swept parameter", axes)):
+        if not available:
             raise ValueError(f"{what}: expected one that is a number, there is none")
     shown = numbers[0] if column is None else known("column that is a number", column, numbers)
     over = axes[0] if against is None else known("swept parameter that is a number", against, axes)
@@ -39,13 +39,13 @@ def plot_sweep(
         for color, value in zip(colors, groups, strict=False):
             own = [row for row in rows if second is None or row[second] == value]
             x, y = np.array([row[over] for row in own], float), np.array([row[shown] for row in own], float)
-            places = np.unique(x)
+            abscissae = np.unique(x)
             said = f"{value:.4g}" if second in axes else str(value)
             name = {"label": said} if second is not None and value in named else {}
             look = line_look(drawn, color=color, **name)
-            (line,) = drawn_on.plot(places, [np.median(y[x == place]) for place in places], **look)
+            (line,) = drawn_on.plot(abscissae, [np.median(y[x == abscissa]) for abscissa in abscissae], **look)
             drawn_on.plot(x, y, ".", color=line.get_color(), alpha=0.5)
-            medians |= len(places) < len(x)
+            medians |= len(abscissae) < len(x)
         if medians:
             rest = [name for name in result.swept if name not in (over, second)]
             drawn_on.set_title(

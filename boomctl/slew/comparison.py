@@ -1,4 +1,4 @@
-"""Optimal and classical slews under the same limit, side by side."""
+"""Comparison of optimal and classical slews under the same torque limit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,39 +35,39 @@ SPIN_UPS = (
     ("constant", "EI"),
     ("smooth", "ZV"),
 )
-_CHANGES = (0.9, 1.1)  # of the beam's frequencies: what shapers are usually tried at
-# instants on the way, and in one and a half of the slowest periods after the end: they are drawn
+_CHANGES = (0.9, 1.1)  # factors of the beam's frequencies: the usual robustness test of shapers
+# time points during the slew, and within 1.5 slowest periods after the end: resolution of the plots
 _DURING, _AFTER = 401, 121
 
 
 @dataclass(frozen=True, eq=False)
 class SlewRow(TimeSeries):
-    """One way to slew.
+    """Metrics and motion of one slew.
 
     Attributes
     ----------
     name : str
-        What the slew is called.
+        Name of the slew.
     duration : float
-        How long it takes [s].
+        Duration [s].
     residual_vibration : float
         Largest tip displacement after the end [m].
     angle_error : float
-        Error of the hub angle, its mean after the end [rad]; 0 of a spin-up, whose angle is free.
+        Mean error of the hub angle after the end [rad]; 0 for a spin-up, whose angle is free.
     speed_error : float
-        Error of the hub speed, its mean after the end [rad/s].
+        Mean error of the hub speed after the end [rad/s].
     max_root_moment : float
-        Largest bending moment at the clamp on the way [N m].
+        Largest bending moment at the clamp during the slew [N m].
     effort : float
         Integral of the torque squared [N^2 m^2 s].
     residual_vibration_low, residual_vibration_high : float
-        The vibration with the beam's frequencies 10 % below and above [m].
+        Residual vibration with the beam's frequencies 10 % lower and higher [m].
     vibrations : ndarray, m
-        The vibration with each of the tip masses of the comparison [m].
+        Residual vibration for each tip mass of the comparison [m].
     torque_profile : TorqueProfile
         The torque over time.
     time, tip_displacement : ndarray, k
-        Instants on the way and afterwards [s], and the tip displacement then [m].
+        Time points during and after the slew [s], and the tip displacement at them [m].
     """
 
     name: str
@@ -100,15 +100,15 @@ class SlewComparison:
     Attributes
     ----------
     angle : float or None
-        Angle turned through [rad]; None of spin-ups.
+        Slew angle [rad]; None for spin-ups.
     torque_limit : float
         Largest torque either way [N m].
     rows : tuple of SlewRow
-        One for each slew.
+        Metrics and motion of each slew.
     final_speed : float
         Hub speed at the end [rad/s].
     tip_masses : ndarray, m
-        Tip masses with which the slews are played besides that of the beam [kg].
+        Tip masses of the additional simulations [kg].
     """
 
     angle: float | None
@@ -149,22 +149,22 @@ class SlewComparison:
         return [line.name for line in self.rows]
 
     def plot(self, ax: Any = None, *, names: Sequence[str] = (), **style: Any) -> Array:
-        """Draw torques and tip displacements over time, vibration over duration, and over tip masses where there are some.
+        """Draw torques and tip displacements over time, vibration over duration and, if any, over tip masses.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: the torque of each slew shown, the tip, the vibration, and the vibration over tip masses if the
-            slews were played with some; by default a new figure of pyplot.
+            Axes to draw on: the torque of each slew shown, the tip, the vibration, and the vibration over tip masses if
+            there are any. If None, a new figure is created.
         names : sequence of str, optional
-            Which slews to draw over time, by default the first four; the vibration is drawn of all.
+            Slews to draw over time, by default the first four. The vibration of all slews is drawn.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the line labels.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.slew").plot_slew_comparison(self, ax, names=names, **style)
 
@@ -179,40 +179,40 @@ def compare_slews(
     *,
     tip_masses: Sequence[float] = (),
 ) -> SlewComparison:
-    """Play classical slews, and optimal ones planned before, on a hub-beam, and measure what matters.
+    """Simulate classical and planned optimal slews on a hub-beam and compare their metrics.
 
     The shapers are tuned to the first mode with the hub free. The frequencies are changed by 10 % through the beam's
-    bending stiffness. No torque is changed for another tip mass.
+    bending stiffness. The torques do not depend on the tip mass.
 
     Parameters
     ----------
     system : hub-beam
-        What `hub_beam` returns.
+        Result of `hub_beam`.
     angle : float or None
-        Angle to turn through [rad]; None of a spin-up.
+        Slew angle [rad]; None for a spin-up.
     torque_limit : float
         Largest torque either way [N m].
     optimal : mapping of str to SlewResult, optional
-        Slews planned before, by the name they are to have.
+        Planned slews by name.
     final_speed : float
-        Of a spin-up: hub speed at the end [rad/s].
+        Hub speed at the end of a spin-up [rad/s].
     tip_masses : sequence of float
-        Tip masses with which each slew is played as well [kg].
+        Tip masses of additional simulations of each slew [kg].
 
     Returns
     -------
     SlewComparison
-        Duration, vibration left and effort of each slew; ``.plot()`` draws them.
+        Duration, residual vibration and effort of each slew; ``.plot()`` draws them.
 
     Raises
     ------
     TypeError, ValueError
-        An argument of another kind or out of its range; another machine than a hub-beam.
+        If an argument has the wrong type or is out of range, or `system` is not a hub-beam.
 
     Warns
     -----
     BoomctlWarning
-        The beam is to turn further than once round: an angle in degrees, it may be.
+        If the angle exceeds one revolution: it may be in degrees.
 
     Examples
     --------
@@ -276,7 +276,7 @@ def _vibration(machine: SlewMachine, history: TorqueProfile, time: Array) -> flo
 
 
 def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueProfile]:
-    """Classical torques by name: slews through an angle, or spin-ups where it is None."""
+    """Return classical torques by name: slews through an angle, or spin-ups if it is None."""
     if (angle is None) == (final_speed == 0.0):
         raise ValueError(f"final_speed = {final_speed:g}: expected an angle, or a speed not zero with angle None")
     assert plant.inertia is not None

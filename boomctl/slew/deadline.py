@@ -1,6 +1,6 @@
-"""How long a slew may be sought, who is told how far it has come, and how it is stopped.
+"""Time limit, progress reports and interrupts of a search for a slew.
 
-IPOPT ends at a limit of its wall time; its iteration callback tells of progress, and ends it after an interrupt.
+IPOPT stops at its wall time limit. Its iteration callback reports progress and stops it after an interrupt.
 """
 
 import signal
@@ -17,25 +17,27 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.progress import Deadline, OutOfTimeError
 
-_KEPT = 1e-6  # miss of scaled conditions from which an iteration counts as a slew: what a replay is held to
-_LEAST = 1e-3  # [s] of wall time, which IPOPT wants to be positive
+_FEASIBLE = (
+    1e-6  # largest violation of a scaled constraint at which an iterate is feasible: the default rtol of a replay
+)
+_LEAST = 1e-3  # smallest wall time limit [s]: IPOPT requires a positive one
 
 
 @dataclass(frozen=True)
 class SlewProgress:
-    """How far the search for a slew has come.
+    """Progress of the search for a slew.
 
     Attributes
     ----------
     stage : str
-        What is done, in words.
+        Description of the current stage.
     elapsed : float
         Time since the search began [s].
     objective : float or None
-        Of the best iteration so far of this stage that keeps all conditions on its mesh; in seconds where the least time is
-        asked for, else over a typical size. None before there is one.
+        Objective of the best feasible iterate of this stage; in seconds for minimum time, otherwise relative to a typical
+        value. None before the first feasible iterate.
     violation : float or None
-        Largest miss of a scaled condition in the solver's last iteration; None between solvers.
+        Largest violation of a scaled constraint in the solver's last iterate; None between solvers.
 
     Examples
     --------
@@ -55,13 +57,13 @@ class SlewProgress:
 
 @dataclass(frozen=True, eq=False)
 class SlewDeadline(Deadline):
-    """Time for the search for a slew, a function that is told a `SlewProgress`, and the interrupts that were noted."""
+    """Time limit of the search for a slew, progress callback (called with a `SlewProgress`) and recorded interrupts."""
 
     tell: Callable[[SlewProgress], object] = id
     interrupts: list[int] = field(default_factory=list)
 
     def check(self, doing: str, objective: float | None = None, violation: float | None = None) -> None:
-        """Tell what is done; raise `OutOfTimeError` if no time is left for it, `KeyboardInterrupt` after an interrupt."""
+        """Report the stage; raise `OutOfTimeError` after the time limit, `KeyboardInterrupt` after an interrupt."""
         if self.interrupts:
             raise KeyboardInterrupt
         self.tell(SlewProgress(doing, self.elapsed, objective, violation))
@@ -71,9 +73,9 @@ class SlewDeadline(Deadline):
 
 @contextmanager
 def noting_interrupts(deadline: SlewDeadline) -> Iterator[None]:
-    """Note interrupts, which the next check obeys; a second one is obeyed wherever it comes.
+    """Record interrupts, which the next check raises; a second interrupt is raised immediately.
 
-    CasADi takes an exception while it reads its arguments for a wrong argument, or for none.
+    CasADi misreads an exception during its argument conversion as a wrong argument, or ignores it.
     """
     before = signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
@@ -95,11 +97,11 @@ def noting_interrupts(deadline: SlewDeadline) -> Iterator[None]:
 
 
 class _Watch(ca.Callback):
-    """What IPOPT calls after every iteration; what is raised within is kept, and ends the solution."""
+    """Iteration callback of IPOPT; an exception within it is stored and stops the solver."""
 
-    def __init__(self, seen: Callable[[float, Array], None], conditions: int) -> None:
+    def __init__(self, on_iteration: Callable[[float, Array], None], conditions: int) -> None:
         ca.Callback.__init__(self)
-        self.seen, self.sizes = seen, {"f": 1, "g": conditions}
+        self.on_iteration, self.sizes = on_iteration, {"f": 1, "g": conditions}
         self.failed: BaseException | None = None
         self.construct("watch", {})
 
@@ -115,8 +117,8 @@ class _Watch(ca.Callback):
     def eval(self, arg: Any) -> list[int]:
         values = dict(zip(ca.nlpsol_out(), arg, strict=True))
         try:
-            self.seen(float(values["f"]), np.array(values["g"]).ravel())
-        except BaseException as error:  # CasADi would hide it
+            self.on_iteration(float(values["f"]), np.array(values["g"]).ravel())
+        except BaseException as error:  # CasADi would suppress it
             self.failed = error
         return [int(self.failed is not None)]
 
@@ -124,45 +126,47 @@ class _Watch(ca.Callback):
 def solved(
     nlp: Any, options: dict[str, Any], arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Solve a programme by IPOPT, within a deadline.
+    """Solve a nonlinear program by IPOPT within a time limit.
 
     Parameters
     ----------
     nlp : casadi.Function
         ``(x, p) -> f, g``.
     options : dict
-        Of CasADi's interface to IPOPT.
+        Options of CasADi's interface to IPOPT.
     arguments : dict of str to ndarray
-        Of the solver, by name.
+        Arguments of the solver by name.
     deadline : SlewDeadline
     stage : str
-        In words.
+        Description of the stage.
     unit : float
-        What a cost of one is worth.
+        Objective at a scaled cost of one.
 
     Returns
     -------
-    found, statistics : dict
-        As CasADi returns them.
+    result, statistics : dict
+        Result and statistics of CasADi's solver.
 
     Raises
     ------
     OutOfTimeError
-        If no time is left.
+        If the time limit is exceeded.
     KeyboardInterrupt
         On an interrupt, after the iteration in which it came.
     """
     deadline.check(stage)
-    told: list[float | None] = [None]
+    objectives: list[float | None] = [None]
 
-    def seen(cost: float, g: Array) -> None:
-        """Tell of an iteration, with the cost of the best one so far that is a slew."""
+    def on_iteration(cost: float, g: Array) -> None:
+        """Report an iteration, with the objective of the best feasible iterate so far."""
         violation = float(np.max(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), initial=0.0))
-        kept = [value for value in (told[-1], unit * cost if violation <= _KEPT else None) if value is not None]
-        told.append(min(kept, default=None))
-        deadline.check(f"{stage}, iteration {len(told) - 1}", told[-1], violation)
+        candidates = [
+            value for value in (objectives[-1], unit * cost if violation <= _FEASIBLE else None) if value is not None
+        ]
+        objectives.append(min(candidates, default=None))
+        deadline.check(f"{stage}, iteration {len(objectives) - 1}", objectives[-1], violation)
 
-    watch = _Watch(seen, arguments["lbg"].size)
+    watch = _Watch(on_iteration, arguments["lbg"].size)
     options = options | {"iteration_callback": watch}
     if deadline.limit < inf:
         options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _LEAST)

@@ -1,7 +1,7 @@
 """Equations of motion of a slew as CasADi functions, and one explicit step of them.
 
-A step takes the linear part by its exact flow, the remainder by a Runge-Kutta scheme of fourth order in the frame that
-moves with that flow (Lawson 1967). The implicit steps, by collocation, are in `nlp.transcription`.
+A step integrates the linear part by its exact flow and the remainder by a fourth-order Runge-Kutta scheme in the frame of
+that flow (Lawson 1967). The implicit steps, by collocation, are in `nlp.transcription`.
 """
 
 from functools import lru_cache
@@ -17,26 +17,26 @@ from boomctl.slew.plant import SlewPlant
 from boomctl.slew.torque import TorqueProfile, lines_between
 from boomctl.symbolic import Places, lifted, symbols
 
-_TAYLOR = 14  # terms of a linear motion: 1 / 15! = 8e-13 is left out where |A h| is 1, below what a replay resolves
-_NEAR = 0.97  # share of a peak from which a step may hold a larger value: 40 steps in a period change it by 0.3 %
-KINDS = 64  # of functions that are remembered: those of a few models with a few numbers of modes
+_TAYLOR = 14  # terms of a linear motion: the truncation error is 1 / 15! = 8e-13 at |A h| = 1, below the replay's error
+_NEAR = 0.97  # fraction of a peak above which a step may contain a larger value: 0.3 % at 40 steps in a period
+KINDS = 64  # cached sets of functions: a few models with a few numbers of modes
 
 
 class Kind(NamedTuple):
-    """What plants have in common whose motions differ in constants alone.
+    """Equations shared by plants that differ in constants only.
 
     Attributes
     ----------
     n : int
         Number of states.
-    places : tuple of Places
-        Of linear part and push; of a machine also of the changes of coordinates and of its frequencies.
+    layouts : tuple of Places
+        Of the linear part and the input vector; for a machine also of the coordinate changes and the frequencies.
     equations : casadi.Function or None
         ``(x, torque, constants) -> (xdot, y)`` of a machine.
     """
 
     n: int
-    places: tuple[Places, ...]
+    layouts: tuple[Places, ...]
     equations: ca.Function | None
 
 
@@ -46,16 +46,16 @@ _KIND_OF: WeakKeyDictionary[SlewPlant, tuple[Kind, Array]] = WeakKeyDictionary()
 def kind_of(plant: SlewPlant) -> tuple[Kind, Array]:
     """Return the kind of a plant, and its constants in one vector.
 
-    It is remembered as long as the plant is: CFOAM's equations, which no other plant shares, take 0.2 s to make.
+    It is cached as long as the plant exists: CFOAM's equations, which no other plant shares, take 0.2 s to build.
     """
     if plant in _KIND_OF:
         return _KIND_OF[plant]
-    given, equations, constants = [plant.A, plant.B], None, np.zeros(0)
+    matrices, equations, constants = [plant.A, plant.B], None, np.zeros(0)
     if plant.machine is not None:
         equations, constants = plant.planned_machine._casadi_equations()
-        given += [plant.to_state, plant.from_state, plant.frequencies]
-    places, own = lifted(given)
-    kind = Kind(plant.n, places, equations)
+        matrices += [plant.to_state, plant.from_state, plant.frequencies]
+    layouts, own = lifted(matrices)
+    kind = Kind(plant.n, layouts, equations)
     return _KIND_OF.setdefault(plant, (kind, np.concatenate([own, constants])))
 
 
@@ -63,7 +63,7 @@ class _Symbols:
     """A plant whose constants are symbols."""
 
     def __init__(self, kind: Kind) -> None:
-        own, matrices = symbols(kind.places)
+        own, matrices = symbols(kind.layouts)
         self.kind, self.n, self.constants = kind, kind.n, own
         self.A, self.B = matrices[0], matrices[1]
         self.frequencies: Any = None
@@ -80,7 +80,7 @@ class _Symbols:
         return ca.mtimes(self.from_state, turned)
 
     def remainder(self, z: ca.SX, u: ca.SX) -> ca.SX:
-        """What the undamped linear vibration under the torque leaves out of the accelerations."""
+        """Return the accelerations less those of the undamped linear vibration under the torque."""
         half = self.n // 2
         return self.rates(z, u)[half:] - (self.B[half:] * u - self.frequencies**2 * z[:half])
 
@@ -111,10 +111,10 @@ def rate_hessian_of(kind: Kind) -> ca.Function:
 
 
 def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Array) -> tuple[Array, Array]:
-    """Return the first and second time derivatives of ``row z`` at k states under torques that change by their slopes."""
+    """Return the first and second time derivatives of ``row z`` at k states under torques with given slopes."""
     (kind, constants), count = kind_of(plant), len(z)
-    given = z.T, torque[None], slope[None], np.tile(row[:, None], count), np.tile(constants[:, None], count)
-    first, second = (np.array(item).ravel() for item in _row_rates(kind).map(count)(*given))
+    arguments = z.T, torque[None], slope[None], np.tile(row[:, None], count), np.tile(constants[:, None], count)
+    first, second = (np.array(item).ravel() for item in _row_rates(kind).map(count)(*arguments))
     return first, second
 
 
@@ -129,11 +129,11 @@ def _row_rates(kind: Kind) -> ca.Function:
 
 
 def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, z: Array, enough: float = 0.0) -> float:
-    """Return the largest absolute value of a row of the plant along a motion, between the given times too.
+    """Return the largest absolute value of a row of the plant along a motion, including between the given times.
 
-    Values, slopes and curvatures at both ends of a step define a polynomial of degree five, which is off by ``(w h)^6 /
-    46080`` of the amplitude of a vibration of frequency w in steps of h: 3e-10 with 40 steps in a period.  Steps that begin
-    and end far below the larger one of the peak and ``enough`` are skipped.
+    Values and first two derivatives at both ends of a step define a polynomial of degree five. For a vibration of
+    frequency w in steps of h its relative error is ``(w h)^6 / 46080``: 3e-10 with 40 steps in a period.  Steps that begin
+    and end far below the larger of the peak and ``enough`` are skipped.
     """
     row = plant.rows[kind]
     values = z @ row
@@ -165,7 +165,7 @@ def step_of(kind: Kind) -> ca.Function:
 
 
 def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, h: ca.SX) -> ca.SX:
-    """One step; carried along the linear flow the remainder is integrated as if it were all."""
+    """Return the state after one step: the remainder is integrated in the frame of the linear flow."""
 
     def changed(at: ca.SX) -> ca.SX:
         return ca.vertcat(ca.SX.zeros(plant.n // 2), plant.remainder(at, u))
@@ -184,7 +184,7 @@ def _lawson(plant: _Symbols, z: ca.SX, u: ca.SX, h: ca.SX) -> ca.SX:
 
 
 def _flow(plant: _Symbols, z: ca.SX, u: ca.SX, h: ca.SX) -> ca.SX:
-    """Linear motion for a time h under a held torque: modes in closed form, other plants by Taylor's series."""
+    """Return the linear motion after a time h under a held torque: modes in closed form, other plants by a Taylor series."""
     if plant.frequencies is None:
         term, total = ca.mtimes(plant.A, z) + plant.B * u, z
         for k in range(1, _TAYLOR + 1):

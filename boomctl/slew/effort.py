@@ -1,10 +1,9 @@
 """Least effort of a plant within its limits: a torque held on equal intervals.
 
-Torques u lead to an end e(u), and on the way past nodes with limits. About any of them the least effort that the first
-derivatives allow is a closed form, clipped at the torque's limit, with as many unknowns as the end has conditions and
-limits are met at nodes; it is taken again and again (Gauss and Newton's method). What is not linear in a slew is weak: each
-turn gains two digits (measured, also with tips that go out to half of the length). Where it ends, ``u = clip(G^T c)`` leads
-to the target: the conditions of the optimum on the mesh. They are exact, for G is. A programme takes ten times as long.
+Torques u lead to a terminal state e(u), with limits at the nodes of the mesh. For the linearization about a torque, the
+least effort is a closed form, clipped at the torque limit, with one unknown per terminal condition and active limit. It is
+iterated (Gauss-Newton method) and converges fast, since the nonlinearity of a slew is weak. At convergence ``u = clip(G^T
+c)`` leads to the target: these are the exact optimality conditions on the mesh. A nonlinear program takes ten times as long.
 """
 
 from dataclasses import dataclass, replace
@@ -13,24 +12,24 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, Steps, end_map
+from boomctl.slew.end_map import MOST_STEPS, STEP_FRACTION, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
-_TURNS = 20  # at most; a safeguard
-_STATIONARY = 1e-6  # of the torque limit, that another turn would change: of the effort it is worth the square of that
-_EXCHANGES = 100  # of nodes at which limits are met, at most; a safeguard, for 3 to 12 do
-# Exchanges of all nodes without fewer that are wrong, until they are exchanged one at a time.  Where a limit is met all along
-# an arc, twice as many nodes follow each time: 3 would do for 15 of them, 6 do for 100 (a choice)
+_TURNS = 20  # Gauss-Newton iterations at most
+_STATIONARY = 1e-6  # change of the torques over their limit at convergence: it changes the effort by its square
+_EXCHANGES = 100  # exchanges of the active set at most; 3 to 12 are usual
+# Exchanges of all nodes without fewer wrong ones, after which nodes are exchanged one at a time.  Where a limit is active
+# along an arc, the active nodes double in each exchange: 6 exchanges are enough for 100 nodes.
 _PATIENCE = 6
-_CHORDS = 6  # corrections with derivatives of coarser steps at most; one or none does
-_CLOSED = 1e-3  # of the tolerance: defect of the scaled end after them
+_CHORDS = 6  # corrections with the derivatives of coarser steps at most; one or none is usual
+_CLOSED = 1e-3  # residual of the scaled terminal conditions at which they end, as a fraction of the tolerance
 
 
 @dataclass(frozen=True, eq=False)
 class _Local:
-    """Least effort about torques: ``G u = d``, and ``|P u + rest| <= most`` at the nodes within the mesh, r x (N - 1) x N."""
+    """Linearized least effort: ``G u = d``, and ``|P u + rest| <= most`` at the inner nodes of the mesh, r x (N - 1) x N."""
 
     G: Array
     d: Array
@@ -39,25 +38,24 @@ class _Local:
     most: Array
 
     def joined(self, first: Array) -> "_Local":
-        """Torques that begin with some of the intervals and are held until the next one begins."""
+        """Return the problem for torques that begin with some of the intervals and are held until the next one begins."""
         root = np.sqrt(np.diff(np.append(first, self.G.shape[1])))
         inner = first[1:] - 1
         G, P = (np.add.reduceat(item, first, axis=-1) / root for item in (self.G, self.P[:, inner]))
         return _Local(G, self.d, P, self.rest[:, inner], self.most)
 
     def solve(self, limit: float | Array, met: Array) -> tuple[Clipped, Array] | None:
-        """The torques, and the nodes at which limits are met: 1 above, -1 below, 0 where they are not, r x (N - 1).
+        """Return the torques and the active set of limits: 1 above, -1 below, 0 where inactive, r x (N - 1).
 
-        Where limits are exceeded most they are met next, those whose multiplier has the wrong sign are left: all at once,
-        and where that turns in circles one at a time (Judice and Pires 1994). None where it does not end, or not at the
-        target.
+        Local maxima above a limit enter the active set, nodes whose multiplier has the wrong sign leave it: all at once,
+        or one at a time if that cycles (Judice and Pires 1994). None if this does not converge, or not to the target.
         """
         fewest, patience = np.inf, _PATIENCE
         for _ in range(_EXCHANGES):
             at = np.nonzero(met)
             rows, wanted = self.P[at], met[at] * self.most[at[0]] - self.rest[at]
             result = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
-            if result.missed > ALIKE:
+            if result.residual > ALIKE:
                 return None
             if not len(self.P):
                 return result, met
@@ -80,7 +78,7 @@ class _Local:
 
 @dataclass(frozen=True, eq=False)
 class _Mesh:
-    """Equal intervals of a slew, and lines over the states, r x n, whose size is limited at the nodes within."""
+    """Equal intervals of a slew, and rows over the states, r x n, whose modulus is limited at the inner nodes."""
 
     ends: EndMap
     duration: float
@@ -90,12 +88,12 @@ class _Mesh:
     limit: float
 
     def steps(self, u: Array, parts: int) -> Steps:
-        """Each interval in equal parts."""
+        """Return steps: every interval in equal parts."""
         count = self.intervals * parts
         return Steps(np.repeat(u, parts), np.full(count, self.duration / count), np.zeros((count, 0)))
 
     def about(self, u: Array, parts: int) -> _Local:
-        """Least effort about torques."""
+        """Return the least effort linearized about torques."""
         reached = self.ends.sensitivity(self.steps(u, parts))
         G = reached.by_torque.reshape(-1, self.intervals, parts).sum(axis=2)
         shape = len(self.lines), self.intervals - 1
@@ -112,7 +110,7 @@ class _Mesh:
         return _Local(G, G @ u + self.ends.target - reached.end, P, values - P @ u, self.most)
 
     def best(self, u: Array, met: Array, parts: int) -> tuple[_Local, Clipped, Array] | None:
-        """The torques at which another turn changes nothing, with what is known about them; None where it never ends."""
+        """Return the stationary torques with their linearization and active set; None if the iteration does not converge."""
         size = np.inf
         for _ in range(_TURNS):
             local = self.about(u, parts)
@@ -124,20 +122,20 @@ class _Mesh:
             if size > before:
                 return None
             u = result.torques
-            if size * (size / before if before < np.inf else 1.0) <= _STATIONARY:  # what the next turn would change
+            if size * (size / before if before < np.inf else 1.0) <= _STATIONARY:  # predicted next change
                 return local, result, met
         return None
 
-    def led(self, local: _Local, found: Clipped, met: Array, parts: int) -> tuple[Clipped, float, float]:
-        """Torques led to the end of other steps by the same derivatives; its defect before and after."""
+    def led(self, local: _Local, result: Clipped, met: Array, parts: int) -> tuple[Clipped, float, float]:
+        """Correct torques for other steps by the same derivatives; return them and the end residual before and after."""
         at = np.nonzero(met)
         rows, values = np.vstack([local.G, local.P[at]]), met[at] * self.most[at[0]] - local.rest[at]
-        defects = [self.ends.defect(self.steps(found.torques, parts))]
+        defects = [self.ends.defect(self.steps(result.torques, parts))]
         while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.planning_rtol and len(defects) <= _CHORDS:
-            wanted = np.concatenate([local.G @ found.torques - defects[-1], values])
-            found = clipped(rows, wanted, self.limit, found.weights)
-            defects.append(self.ends.defect(self.steps(found.torques, parts)))
-        return found, float(np.abs(defects[0]).max()), float(np.abs(defects[-1]).max())
+            wanted = np.concatenate([local.G @ result.torques - defects[-1], values])
+            result = clipped(rows, wanted, self.limit, result.weights)
+            defects.append(self.ends.defect(self.steps(result.torques, parts)))
+        return result, float(np.abs(defects[0]).max()), float(np.abs(defects[-1]).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,10 +146,10 @@ class HeldEffort:
     ----------
     history : TorqueProfile
     more : float
-        By how much more effort it would take, relative, if it were held on two intervals at a time: by the derivatives
-        along its motion, infinite where that does not lead to the end.
+        Relative increase of the effort if the torque is held on pairs of intervals, by the derivatives along its motion;
+        infinite if that does not lead to the terminal state.
     met : ndarray, r x (N - 1)
-        Nodes at which limits are met: 1 above, -1 below, 0 where they are not.
+        Active set of limits at the nodes: 1 above, -1 below, 0 where inactive.
     """
 
     history: TorqueProfile
@@ -162,9 +160,9 @@ class HeldEffort:
 def effort_on_mesh(
     problem: SlewProblem, duration: float, intervals: int, limits: Limits, before: HeldEffort | None = None
 ) -> HeldEffort | None:
-    """The torque of least effort in a given time [s] on a mesh; None where it was not found, or a limit is too low.
+    """Compute the torque of least effort for a duration [s] on a mesh; None without convergence, or if a limit is too low.
 
-    Steps are halved until the end stays where it is, within the tolerance.
+    Steps are halved until the terminal state changes by less than the tolerance.
 
     Parameters
     ----------
@@ -173,12 +171,12 @@ def effort_on_mesh(
         s.
     intervals : int
     limits : Limits
-        Tighter ones than the problem's, which keep the motion within those between the nodes too.
+        Limits that may be tighter than the problem's, to satisfy those between the nodes too.
     before : HeldEffort, optional
-        With other limits on the same mesh: where to begin.
+        Solution for other limits on the same mesh, as the starting point.
     """
     first = least_effort(problem, duration, intervals).history if before is None else before.history
-    watched = [(kind, part) for kind in limits.beside_torque for part in problem.parts]
+    watched = [(kind, part) for kind in limits.without_torque for part in problem.parts]
     lines = np.zeros((len(watched), problem.start.size))
     for line, (kind, (plant, own)) in zip(lines, watched, strict=True):
         line[own] = plant.rows[kind]
@@ -190,13 +188,13 @@ def effort_on_mesh(
     if answer is None:
         return None
     local, result, met = answer
-    missed = np.inf
-    while missed > STEP_SHARE * problem.planning_rtol:
+    error = np.inf
+    while error > STEP_FRACTION * problem.planning_rtol:
         parts *= 2
         if parts * intervals > MOST_STEPS:
             return None
-        result, missed, left = mesh.led(local, result, met, parts)
-        if not left <= STEP_SHARE * problem.planning_rtol:
+        result, error, left = mesh.led(local, result, met, parts)
+        if not left <= STEP_FRACTION * problem.planning_rtol:
             return None
     pairs = np.arange(0, intervals, 2)
     joined = replace(local, d=local.G @ result.torques).joined(pairs)

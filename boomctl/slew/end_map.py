@@ -17,9 +17,9 @@ from boomctl.slew.linear import guess_from
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile
 
-STEP_SHARE = 0.5  # of the tolerance, for what half as long steps change; what remains is a sixteenth of it
-_AT_ONCE = 3 * 10**7  # instructions of CasADi between two looks at a deadline: a tenth of a second (a choice)
-MOST_STEPS = 20000  # of a motion: a safeguard, for rounding grows with them
+STEP_FRACTION = 0.5  # fraction of the tolerance by which halved steps may change the end; their error is 1/15 of it
+_AT_ONCE = 3 * 10**7  # instructions of CasADi between two checks of the deadline: a tenth of a second
+MOST_STEPS = 20000  # steps of a motion at most; rounding errors grow with their number
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Steps:
 
 @dataclass(frozen=True, eq=False)
 class Sensitivity:
-    """Where steps lead, in m rows over the end state, and how that depends on them.
+    """Terminal state after steps, in m rows, and its derivatives.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Sensitivity:
     by_torque, by_width : ndarray, m x K
         Derivatives by the torque [N m] and the width [s] of each step.
     motions : tuple of (ndarray, ndarray)
-        Of each plant, the states n x (K + 1) and the Jacobians K x n x (n + 2) of the steps.
+        States n x (K + 1) and Jacobians K x n x (n + 2) of the steps, for each plant.
     """
 
     steps: Steps
@@ -58,7 +58,7 @@ class Sensitivity:
 
     @cached_property
     def multipliers(self) -> Array:
-        """Multipliers of the end conditions with which the duration of every arc saves as much time as it takes."""
+        """Multipliers of the end conditions at which the sum of the durations is stationary."""
         return np.linalg.lstsq(self.by_duration.T, -self.steps.moved.sum(axis=0), rcond=None)[0]
 
     @cached_property
@@ -68,24 +68,24 @@ class Sensitivity:
 
     @property
     def wrong_sign(self) -> float:
-        """Time that turning the torque round where the switching function has the other sign promises to save, s."""
+        """Predicted time saved by reversing the torque where its sign differs from the switching function's, s."""
         return 2.0 * float(np.sum(np.maximum((self.multipliers @ self.by_torque) * self.steps.u, 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
 class _Stepper:
-    """Steps of a plant, by functions that all of its kind share, and its constants."""
+    """Integrator of a plant: functions shared by all plants of its kind, and its constants."""
 
     kind: Kind
     constants: Array
 
     def motion(self, start: Array, u: Array, h: Array) -> Array:
-        """States before and after all steps, n x (K + 1)."""
+        """Return the states before and after all steps, n x (K + 1)."""
         steps = _repeated(step_of(self.kind), u.size)
         return np.column_stack([start, steps(start, u[None, :], h[None, :], self.constants).full()])
 
     def linearized(self, start: Array, u: Array, h: Array, check: Callable[[], None]) -> tuple[Array, Array]:
-        """The same, and the Jacobians of the steps by state, torque and width, K x n x (n + 2)."""
+        """Return the same states, and the Jacobians of the steps by state, torque and width, K x n x (n + 2)."""
         states, jacobians = [start[:, None]], []
         for part in _parts(_jacobian(self.kind), u.size):
             check()
@@ -96,7 +96,7 @@ class _Stepper:
         return np.hstack(states), np.concatenate(jacobians)
 
     def hessians(self, z: Array, u: Array, h: Array, after: Array, check: Callable[[], None]) -> Array:
-        """By state and width, K x (n + 1) x (n + 1), of the costates K x n after the steps."""
+        """Return the Hessians by state and width, K x (n + 1) x (n + 1), weighted by the costates K x n after the steps."""
         size, hessians = self.kind.n + 1, []
         for part in _parts(_hessian(self.kind), u.size):
             check()
@@ -107,14 +107,14 @@ class _Stepper:
 
 
 def _parts(function: ca.Function, count: int) -> Iterator[slice]:
-    """Cut steps into parts that take about a tenth of a second, between which a deadline is looked at."""
+    """Divide steps into parts of about a tenth of a second; the deadline is checked between them."""
     size = max(1, _AT_ONCE // function.n_instructions())
     return (slice(first, first + size) for first in range(0, count, size))
 
 
 @lru_cache(maxsize=4 * KINDS)  # a few numbers of steps for each kind
 def _repeated(function: ca.Function, count: int) -> ca.Function:
-    """One step after another."""
+    """Return the function of consecutive steps."""
     return function.mapaccum(count)
 
 
@@ -137,13 +137,13 @@ def _hessian(kind: Kind) -> ca.Function:
 
 @dataclass(frozen=True, eq=False)
 class EndMap:
-    """What a problem prescribes of the end, as a function of the steps.
+    """Prescribed rows of the terminal state, as a function of the steps.
 
     Attributes
     ----------
     problem : SlewProblem
     rows : ndarray, m x n
-        Those of the prescribed end, each scaled to about one.
+        Rows of the terminal conditions, each scaled to about one.
     """
 
     problem: SlewProblem
@@ -152,29 +152,29 @@ class EndMap:
 
     @cached_property
     def target(self) -> Array:
-        """Where the rows are to lead."""
+        """Target values of the rows."""
         return self.rows @ self.problem.target
 
     @cached_property
     def step_frequency(self) -> float:
-        """Frequency of the fastest mode, which steps turn by about one radian [rad/s]."""
+        """Frequency of the fastest mode [rad/s]; a step spans about one radian of it."""
         return max(float(np.abs(np.linalg.eigvals(plant.A)).max()) for plant in self.problem.plants)
 
     def steps(self, sign: float, durations: Array, counts: Array) -> Steps:
-        """Cut arcs into equal steps: the sign of the first torque, and of each arc its duration [s] and how many steps."""
+        """Divide arcs into equal steps, from the sign of the first torque and the durations [s] and counts of all arcs."""
         torques = sign * self.problem.limits.torque * (-1.0) ** np.arange(durations.size)
         moved = np.repeat(np.eye(durations.size) / counts, counts, axis=0)
         return Steps(np.repeat(torques, counts), moved @ durations, moved)
 
     def defect(self, steps: Steps) -> Array:
-        """The end that steps lead to less the target."""
+        """Return the terminal state after steps less the target."""
         end = -self.target
         for stepper, (_, own) in zip(self._steppers, self.problem.parts, strict=True):
             end += self.rows[:, own] @ stepper.motion(self.problem.start[own], steps.u, steps.h)[:, -1]
         return end
 
     def sensitivity(self, steps: Steps) -> Sensitivity:
-        """Where steps lead, with first derivatives."""
+        """Return the terminal state after steps with its first derivatives."""
         u, h, m = steps.u, steps.h, self.rows.shape[0]
         end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
         for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
@@ -187,11 +187,11 @@ class EndMap:
             motions.append((z, jacobians))
         return Sensitivity(steps, end, by_torque, by_width, tuple(motions))
 
-    def hessian(self, found: Sensitivity, weights: Array) -> Array:
-        """Second derivatives of the weighted end by the durations of the arcs, q x q."""
-        u, h, moved = found.steps.u, found.steps.h, found.steps.moved
+    def hessian(self, linearization: Sensitivity, weights: Array) -> Array:
+        """Return the second derivatives of the weighted terminal state by the durations of the arcs, q x q."""
+        u, h, moved = linearization.steps.u, linearization.steps.h, linearization.steps.moved
         total = np.zeros((moved.shape[1], moved.shape[1]))
-        parts = zip(self._steppers, self.problem.parts, found.motions, strict=True)
+        parts = zip(self._steppers, self.problem.parts, linearization.motions, strict=True)
         for stepper, (plant, own), (z, jacobians) in parts:
             n = plant.n
             check = partial(self.problem.deadline.check, f"curvature of the end over {u.size} steps")
@@ -205,7 +205,7 @@ class EndMap:
 
 
 def _carried_back(jacobians: Array, rows: Array) -> Array:
-    """Costates: rows over the end carried back to the ends of the steps, K x m x n."""
+    """Return the costates: rows of the terminal state propagated back to the ends of the steps, K x m x n."""
     n = rows.shape[1]
     after = np.empty((jacobians.shape[0], *rows.shape))
     for k in range(jacobians.shape[0] - 1, -1, -1):
@@ -215,6 +215,6 @@ def _carried_back(jacobians: Array, rows: Array) -> Array:
 
 
 def end_map(problem: SlewProblem, first: TorqueProfile) -> EndMap:
-    """Prepare the steps of a problem; rows of its end are scaled by the sizes of the states under a first torque."""
+    """Prepare the steps of a problem; rows of its end are scaled by the largest states under a first torque."""
     rows = problem.ends / np.abs(problem.ends * guess_from(problem, first).sizes).max(axis=1, keepdims=True)
     return EndMap(problem, rows, [_Stepper(*kind_of(plant)) for plant in problem.plants])

@@ -1,6 +1,6 @@
-"""Feedback along a plan: the machine linearized there, a regulator backwards in time, an observer forwards.
+"""Feedback along a plan: time-varying linearization, regulator (backward recursion) and observer (forward recursion).
 
-All is done in the machine's modes at rest, on deviations from the plan, and only in those modes that the torque moves.
+States are deviations from the plan in the machine's modes at rest, without modes that the torque cannot excite.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from boomctl.simulation.time_varying import TimeVaryingController
 if TYPE_CHECKING:
     from boomctl.lti.machine_modes import MachineModes
 
-_SMALL = 1e-12  # largest planned value below which nothing is planned there: it keeps quotients finite
+_SMALL = 1e-12  # smallest span by which deviations are divided: keeps quotients finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +31,11 @@ class Along:
     Attributes
     ----------
     A, b : ndarray, (k + 1) x n x n and (k + 1) x n
-        From each sample to the next under a held torque; the last is that of rest at the end.
+        Transition from each sample to the next under a held torque; the last is for the rest at the end.
     C, D : ndarray, (k + 1) x p x n and (k + 1) x p
-        Of the measurements.
+        Output matrices of the measurements.
     moved : ndarray of bool, 2 m
-        Which of the machine's modal coordinates and rates z has.
+        Mask of the machine's modal coordinates and rates that z contains.
     """
 
     A: Array
@@ -47,22 +47,22 @@ class Along:
 
 @dataclass(frozen=True, eq=False)
 class Tuning:
-    """What regulator and observer are weighed by, checked.
+    """Checked weights of regulator and observer.
 
     Attributes
     ----------
     limit : float
         Largest torque [N m].
     error_weight : float
-        Of deviations beside the torque.
+        Weight of the deviations relative to the torque weight.
     integral_time : float or None
-        Time in which a constant torque is made out [s].
+        Time constant of the estimate of a constant disturbance torque [s]; None without it.
     noise : ndarray, p, or None
-        Standard deviations of the measurements; None where they are the states, exactly.
+        Standard deviations of the measurements; None if all states are measured exactly.
     disturbance : float
-        Standard deviation of a torque that disturbs, held from sample to sample [N m].
+        Standard deviation of a disturbance torque, held between samples [N m].
     model_error : float
-        Share by which the stiffness may be wrong.
+        Relative uncertainty of the stiffness.
     """
 
     limit: float
@@ -74,37 +74,37 @@ class Tuning:
 
 
 def linearized_along(modes: MachineModes, measured: list[int], states: Array, torques: Array, step: float) -> Along:
-    """Return a machine's motion near a plan.
+    """Linearize a machine along a plan.
 
     Parameters
     ----------
     modes : MachineModes
         The machine; its first input is the torque.
     measured : list of int
-        Which of its outputs are read.
+        Indices of the measured outputs.
     states : ndarray, (k + 1) x 2 m
         Modal coordinates and rates at the samples.
     torques : ndarray, k
-        Held from each sample to the next [N m].
+        Torque held from each sample to the next [N m].
     step : float
         Time between samples [s].
     """
     import casadi as ca
 
     z, u, others = ca.SX.sym("z", states.shape[1]), ca.SX.sym("u"), len(modes.input_labels) - 1
-    given = ca.vertcat(u, ca.SX.zeros(others))
+    inputs = ca.vertcat(u, ca.SX.zeros(others))
     now, count = z, steps_for(modes, step)
     for _ in range(count):
-        now = exponential_step(modes.rest, modes.omega, step / count, now, given, given)
+        now = exponential_step(modes.rest, modes.omega, step / count, now, inputs, inputs)
     moved = np.tile(moved_by(modes.push[:, 0]), 2)
-    kept = np.flatnonzero(moved).tolist()
-    both = ca.vertcat(z[kept], u)
-    read = modes.read(z, given)[0][measured]
-    flow = ca.Function("flow", [z, u], [ca.densify(ca.jacobian(now[kept], both))])
-    seen = ca.Function("seen", [z, u], [ca.densify(ca.jacobian(read, both))])
+    selected = np.flatnonzero(moved).tolist()
+    both = ca.vertcat(z[selected], u)
+    read = modes.read(z, inputs)[0][measured]
+    flow = ca.Function("flow", [z, u], [ca.densify(ca.jacobian(now[selected], both))])
+    measurement = ca.Function("measurement", [z, u], [ca.densify(ca.jacobian(read, both))])
     held, before = np.append(torques, 0.0), np.append(0.0, torques)
     AB = _stacked(flow.map(len(held))(states.T, held[None]), len(held))
-    CD = _stacked(seen.map(len(held))(states.T, before[None]), len(held))
+    CD = _stacked(measurement.map(len(held))(states.T, before[None]), len(held))
     return Along(AB[..., :-1], AB[..., -1], CD[..., :-1], CD[..., -1], moved)
 
 
@@ -114,7 +114,7 @@ def _stacked(matrices: object, count: int) -> Array:
 
 
 def weights(along: Along, rows: Array, states: Array) -> Array:
-    """Return the weights of hub angle and tip (rows) and of their rates, each over its span in the plan, squared."""
+    """Return the weight of hub angle, tip (rows) and their rates, each divided by its squared span in the plan."""
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
     for row in rows:
         for item in (row, np.concatenate([np.zeros(half), row[:half]])):
@@ -139,23 +139,23 @@ def regulator(along: Along, Q: Array, tuning: Tuning, step: float) -> Array:
 
 
 def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, step: float) -> Array:
-    """Return the gains F by which what was not predicted corrects deviations and torque, (k + 1) x (n + 1) x p.
+    """Return the gains F from innovations to deviations and disturbance torque, (k + 1) x (n + 1) x p.
 
-    Known states are believed; the torque then follows from what turns the whole machine otherwise than predicted, which a
-    wrong stiffness does not. From other measurements both follow by Kalman's filter.
+    Measured states are taken as exact; the torque is then estimated from the innovation of the rigid rotation, which does
+    not depend on the stiffness. For other measurements both are estimated by a Kalman filter.
     """
     count, n = along.b.shape
     slow = 0.0 if tuning.integral_time is None else 1.0 / tuning.integral_time
     if tuning.noise is None:
         gains = np.zeros((count, n + 1, along.C.shape[1]))
         gains[:, :n] = np.linalg.pinv(along.C)
-        # the rigid rotation is the first mode: its rate stands after the coordinates
+        # the rigid rotation is the first mode: its rate follows the coordinates
         gains[:, n] = -np.expm1(-step * slow) * gains[:, n // 2] / along.b[:, n // 2, None]
         return gains
     half = n // 2
     omega = modes.omega[along.moved[: len(modes.omega)]]
     largest = np.abs(states[:, : len(modes.omega)]).max(axis=0)[along.moved[: len(modes.omega)]]
-    wrong = tuning.model_error * omega**2 * largest  # accelerations where the stiffness is wrong by that share
+    wrong = tuning.model_error * omega**2 * largest  # acceleration errors due to the stiffness error
     model = np.zeros((n + 1, n + 1))
     turning = np.arange(half + 1, n)
     model[turning, turning] = step * wrong[1:] ** 2 / omega[1:]
@@ -185,11 +185,11 @@ def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, s
     return gains
 
 
-def _stationary(A: Array, B: Array, Q: Array, R: Array, refusal: str = "") -> Array:
+def _stationary(A: Array, B: Array, Q: Array, R: Array, message: str = "") -> Array:
     try:
         return solve_discrete_are(A, B, Q, R)
     except (LinAlgError, ValueError) as error:
-        raise ValueError(f"{refusal or 'tracking_weight'}: {error}") from None
+        raise ValueError(f"{message or 'tracking_weight'}: {error}") from None
 
 
 def controller_along(
@@ -197,21 +197,21 @@ def controller_along(
 ) -> TimeVaryingController:
     """Return regulator and observer as one controller of deviations from the plan.
 
-    Its states are the deviations predicted for the sample, the torque that disturbs, and the torque given last beyond the
-    plan, of which the accelerations that are measured still know.
+    Its states are the predicted deviations at the sample, the disturbance torque, and the last feedback torque, on which
+    measured accelerations still depend.
     """
     count, n = along.b.shape
     size, p = n + 2, len(inputs)
-    seen = np.concatenate([along.C, along.D[..., None], along.D[..., None]], axis=2)
+    outputs = np.concatenate([along.C, along.D[..., None], along.D[..., None]], axis=2)
     correct = np.concatenate([F, np.zeros((count, 1, p))], axis=1)
-    kept = np.eye(size) - correct @ seen
+    rest = np.eye(size) - correct @ outputs
     G = np.concatenate([K, -np.ones((count, 1)), np.zeros((count, 1))], axis=1)[:, None, :]
     moving, arriving = np.zeros((count, size, size)), np.zeros((count, size, 1))
     moving[:, :n, :n], moving[:, :n, n], moving[:, n, n] = along.A, along.b, 1.0
     arriving[:, :n, 0], arriving[:, n + 1, 0] = along.b, 1.0
     following = moving + arriving @ G
     return TimeVaryingController(
-        A=following @ kept, B=following @ correct, C=G @ kept, D=G @ correct, input_labels=inputs, output_labels=(output,),
+        A=following @ rest, B=following @ correct, C=G @ rest, D=G @ correct, input_labels=inputs, output_labels=(output,),
         dt=step, anti_windup_gain=arriving,
     )  # fmt: skip
 
@@ -221,27 +221,27 @@ def slowest_pole(
 ) -> float:
     """Return the time constant of the slowest pole of the sampled loop at the end [s], by the machine's linear model.
 
-    That model is the machine's own, held by a matrix exponential: it shares nothing with what the gains were made from but
-    the measurements' rows.
+    That model is discretized by a matrix exponential: it shares only the measurement matrices with the computation of the
+    gains.
 
     Parameters
     ----------
     modes : MachineModes
     along : Along
     controller : TimeVaryingController
-        Its last matrices are looked at.
+        Its last matrices are used.
     linear : Lti
-        The machine about its motion at the end, in its own states, the torque its first input.
+        The machine linearized about its terminal motion, in its own states; its first input is the torque.
     integral : bool
-        Whether a constant torque is made out; otherwise that state of the controller stands still.
+        True if a constant disturbance torque is estimated; otherwise that controller state is constant.
 
     Raises
     ------
     ValueError
-        The loop is not stable.
+        If the loop is not stable.
     """
-    step, kept = controller.dt, along.moved
-    into, back = modes.from_state[kept], modes.to_state[:, kept]
+    step, selected = controller.dt, along.moved
+    into, back = modes.from_state[selected], modes.to_state[:, selected]
     machine = Lti(
         into @ linear.A @ back,
         into @ linear.B[:, :1],
@@ -251,7 +251,7 @@ def slowest_pole(
     )
     sampled = sampled_plant(machine, [0], step, [0.0])
     loop = lower_lft(sampled, Lti(*(getattr(controller, letter)[-1] for letter in "ABCD"))).A
-    # the controller's states begin with the deviations, and the torque made out follows
+    # the controller's states begin with the deviations, followed by the estimated torque
     stays = [] if integral else [len(sampled.A) + len(machine.A)]
     loop = np.delete(np.delete(loop, stays, axis=0), stays, axis=1)
     largest = float(np.abs(np.linalg.eigvals(loop)).max())

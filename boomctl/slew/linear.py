@@ -1,4 +1,4 @@
-"""The linear part of a slew: its motion under a held torque, its least effort, and the effort that no torque can beat."""
+"""The linear part of a slew: its motion under a held torque, its least effort, and a lower bound on the effort."""
 
 from dataclasses import dataclass
 
@@ -11,14 +11,14 @@ from boomctl.lti.rounding import SOLVED
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
-_NEWTON = 60  # steps of Newton's method on the dual at most; a safeguard, for it is damped
-_REGULAR = 1e-12  # of a matrix of unit rows, where few intervals are inside the limit: keeps Newton's equation solvable
-_ARMIJO = 1e-4  # share of the decrease promised that a step of Newton's method has to bring: customary
-_NEARER = 0.5  # factor by which a whole step has to bring the end nearer, to be taken at once; a choice
-_SHORTEST = 1e-6  # of a step of Newton's method; below it the torque limit is too low for the time
-_UNSEEN = 1e-9, 1e-6  # a state below the first share of the largest is taken to be of the second: it scales, no more
-_MESH = 800  # intervals at least for the bound of the effort, which their number brings nearer; a choice
-_POINTS = 4  # Gauss points an interval: order 8, rounding on such a mesh
+_NEWTON = 60  # damped Newton steps on the dual at most
+_REGULAR = 1e-12  # regularization of a Gram matrix of unit rows, if few intervals are inside the limit
+_ARMIJO = 1e-4  # accept a Newton step if the decrease is at least this fraction of the predicted one
+_NEARER = 0.5  # accept a full Newton step without line search if it reduces the residual by this factor
+_SHORTEST = 1e-6  # smallest damping factor of a Newton step; below it the torque limit is too low for the time
+_NEGLIGIBLE = 1e-9, 1e-6  # states below the first fraction of the largest are scaled by the second fraction of it
+_MESH = 800  # intervals at least for the lower bound on the effort; more of them tighten it
+_POINTS = 4  # Gauss points per interval: order 8, rounding error on such a mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,70 +29,70 @@ class LinearFlow:
     B: Array
 
     def step(self, h: float) -> tuple[Array, Array]:
-        """``exp(A h)`` and the response ``int_0^h exp(A s) ds B`` to unit torque."""
+        """Return ``exp(A h)`` and the response ``int_0^h exp(A s) ds B`` to unit torque."""
         Phi, push = zero_order_hold(self.A, self.B[:, None], h)
         return Phi, push[:, 0]
 
     def carried(self, vector: Array, h: float, count: int) -> Array:
-        """A vector v and what an unforced motion makes of it in equal steps: ``v, exp(A h) v, ...``, n x count."""
+        """Return the unforced motion from a vector v in equal steps: ``v, exp(A h) v, ...``, n x count."""
         return observability(self.step(h)[0].T, vector[None], count)[0][:, 0].T
 
     def responses(self, duration: float, intervals: int) -> Array:
-        """End states that unit torque on each of equal intervals causes, n x intervals."""
+        """Return the end states due to unit torque on each of equal intervals, n x intervals."""
         h = duration / intervals
         return self.carried(self.step(h)[1], h, intervals)[:, ::-1]
 
     def motion(self, start: Array, duration: float, torques: Array) -> Array:
-        """States, (N + 1) x n, between N equal intervals on which torques are held."""
+        """Return the states, (N + 1) x n, at the nodes of N equal intervals on which torques are held."""
         Phi, push = self.step(duration / torques.size)
         return recursion(Phi, push[:, None] * torques, start).T
 
 
 def flow(problem: SlewProblem) -> LinearFlow:
-    """Linear part of all plants of a problem."""
+    """Return the linear part of all plants of a problem."""
     return LinearFlow(problem.A, problem.B)
 
 
 @dataclass(frozen=True, eq=False)
 class LeastEffort:
-    """The linear part's slew of least effort: the torque, and the costate c at the end.
+    """Minimum-effort slew of the linear part: the torque, and the costate c at the end.
 
-    ``u = c^T exp(A (T - t)) B`` within the limit.  ``missed`` is what it misses of the end conditions, relative to the
-    largest of them: rounding, unless the limit is too low for the time.
+    ``u = c^T exp(A (T - t)) B``, clipped at the limit.  ``residual`` is that of the end conditions, relative to the
+    largest of them: rounding error, unless the limit is too low for the time.
     """
 
     history: TorqueProfile
     costate: Array
-    missed: float
+    residual: float
 
 
 def least_effort(problem: SlewProblem, duration: float, intervals: int) -> LeastEffort:
-    """Least effort of the linear part in a given time, the torque held on equal intervals and within its limit.
+    """Compute the minimum-effort slew of the linear part, the torque held on equal intervals and within its limit.
 
-    Where the limit is too low for the time, the best of it is returned.
+    If the limit is too low for the duration, the last iterate is returned, with its residual.
     """
     linear = flow(problem)
     G = problem.ends @ linear.responses(duration, intervals)
     d = problem.ends @ (problem.target - linear.step(duration)[0] @ problem.start)
     result = clipped(G, d, problem.limits.torque)
     costate = result.weights @ problem.ends * (duration / intervals)
-    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), result.torques), costate, result.missed)
+    return LeastEffort(held(np.linspace(0.0, duration, intervals + 1), result.torques), costate, result.residual)
 
 
 @dataclass(frozen=True, eq=False)
 class Clipped:
-    """Torques ``u = clip(G^T c)`` with the weights c, and what ``G u = d`` is missed by, over the largest of d."""
+    """Torques ``u = clip(G^T c)``, the weights c, and the residual of ``G u = d`` over the largest of d."""
 
     torques: Array
     weights: Array
-    missed: float
+    residual: float
 
 
 def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None) -> Clipped:
-    """The least ``|u|`` with ``G u = d`` and no ``|u_k|`` beyond a limit, one for all or its own.
+    """Minimize ``|u|`` subject to ``G u = d`` and ``|u_k| <= limit``, a scalar or one limit per entry.
 
-    As many unknowns c as there are rows: Newton's method on ``G clip(G^T c) = d``, the gradient of a convex function of c;
-    from first weights, if any.
+    One unknown c per row of G: Newton's method on ``G clip(G^T c) = d``, the gradient of a convex function of c, from
+    initial weights, if any.
     """
     scale = np.linalg.norm(G, axis=1)
     rows, wanted = G / scale[:, None], d / scale
@@ -102,7 +102,7 @@ def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None
         u = np.clip(free, -limit, limit)
         return float(np.sum(u * free - 0.5 * u**2) - c @ wanted)
 
-    # rcond: directions below rounding are left alone
+    # rcond: directions below rounding error are ignored
     c = np.linalg.lstsq(rows @ rows.T, wanted, rcond=1e-13)[0] if first is None else first * scale
 
     def missing(c: Array) -> tuple[Array, Array, float]:
@@ -111,36 +111,36 @@ def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None
         defect = wanted - rows @ u
         return u, defect, float(np.abs(defect).max() / np.abs(wanted).max())
 
-    u, defect, missed = missing(c)
+    u, defect, residual = missing(c)
     for _ in range(_NEWTON):
-        if missed <= SOLVED:  # of the end conditions, relative: rounding
+        if residual <= SOLVED:  # relative residual at rounding level
             break
         inner = rows[:, np.abs(u) < limit]
         move = np.linalg.lstsq(inner @ inner.T + _REGULAR * np.eye(c.size), defect, rcond=1e-14)[0]
         whole = missing(c + move)
-        if whole[2] > _NEARER * missed:  # too far, or to where others are inside the limit: a step that goes down
+        if whole[2] > _NEARER * residual:  # insufficient decrease by the full step: line search on the dual
             size, before = 1.0, dual(c)
             while size > _SHORTEST and dual(c + size * move) > before - _ARMIJO * size * float(move @ defect):
                 size *= 0.5
             if size <= _SHORTEST:
                 break
             move, whole = size * move, missing(c + size * move)
-        c, (u, defect, missed) = c + move, whole
-    return Clipped(u, c / scale, missed)
+        c, (u, defect, residual) = c + move, whole
+    return Clipped(u, c / scale, residual)
 
 
 @dataclass(frozen=True, eq=False)
 class Guess:
-    """Where planning starts: a torque, and the linear motion under it.
+    """Initial guess: a torque, and the linear motion under it.
 
     Attributes
     ----------
     duration : float
-        s.
+        Duration, s.
     torques : ndarray
-        At intervals or nodes, N m.
+        Torques on intervals or at nodes, N m.
     states : ndarray, (N + 1) x n
-        At nodes.
+        States at nodes.
     """
 
     duration: float
@@ -149,10 +149,10 @@ class Guess:
 
     @property
     def sizes(self) -> Array:
-        """Largest size of each state on the way; where that is nothing, what the others suggest."""
+        """Largest absolute value of each state; a fraction of the largest state where it is zero."""
         sizes = np.abs(self.states).max(axis=0)
-        seen, instead = _UNSEEN
-        return np.where(sizes > seen * sizes.max(), sizes, instead * sizes.max())
+        negligible, instead = _NEGLIGIBLE
+        return np.where(sizes > negligible * sizes.max(), sizes, instead * sizes.max())
 
 
 def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:
@@ -165,7 +165,7 @@ def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 20
 
 
 def effort_gap(problem: SlewProblem, history: TorqueProfile) -> float:
-    """How far an effort is above what no torque within the limit can beat, relative: weak duality, on a mesh of its own.
+    """Return the relative gap between an effort and its lower bound within the limit: weak duality, on a separate mesh.
 
     For any c: ``int u^2 >= c^T d - int max_u (p u - u^2) dt`` with ``p = c^T exp(A (T - t)) B``; the maximum is ``p^2 / 4``
     within ``|p| <= 2 limit`` and ``limit |p| - limit^2`` beyond. The integral is summed in Gauss points.

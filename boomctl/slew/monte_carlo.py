@@ -1,4 +1,4 @@
-"""A tracked slew, followed many times by machines that differ at random."""
+"""Monte Carlo study of a tracked slew with random machine parameters."""
 
 from __future__ import annotations
 
@@ -15,32 +15,32 @@ from boomctl.printing import count
 
 @dataclass(frozen=True, repr=False, eq=False)
 class TrackingStudy:
-    """Many runs of a tracked slew.
+    """Monte Carlo study of a tracked slew.
 
     Attributes
     ----------
     time : (N,) ndarray
-        Instants [s].
+        Time points [s].
     samples : dict of str to (runs,) ndarray
-        "tip_mass" [kg], "stiffness" (what multiplies it), "friction" and "disturbance_torque" [N m] of each run.
+        "tip_mass" [kg], "stiffness" (factor), "friction" and "disturbance_torque" [N m] of each run.
     outputs : dict of str to (runs, N) ndarray
         "hub_angle" [rad], "hub_speed" [rad/s], "tip_displacement" [m], "root_moment" [N m], and the "torque" [N m].
     reference : dict of str to (N,) ndarray
-        The same in the plan.
+        The same outputs in the plan.
     residual_vibration : (runs,) ndarray
-        Largest distance of the tip from the plan within 1.5 slowest periods after the end, or after what was waited [m].
+        Largest distance of the tip from the plan within 1.5 slowest periods after the end and `settling_time` [m].
     angle_error : (runs,) ndarray
-        Distance of the hub from the plan at the last instant [rad].
+        Deviation of the hub from the plan at the last time [rad].
     settling_time : float
-        Time after the end from which a vibration counts [s].
+        Time after the end at which the evaluation of the vibration starts [s].
     duration : float
-        Of the slew [s].
+        Duration of the slew [s].
     feedback : bool
-        Whether the controller reacted.
+        True if the controller was active.
     seed : int
-        Of what was drawn.
+        Seed of the random parameters.
     seeds : (runs,) ndarray
-        Of the noise of each run.
+        Seeds of the noise of each run.
     error_estimate : float
         Estimated largest error of the tip and of the hub angle times the radius of the free end [m].
     """
@@ -83,45 +83,47 @@ class TrackingStudy:
         return list(self.outputs)
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw hub angle, tip displacement and torque of all runs: the middle one, the middle half, and nine of ten.
+        """Draw hub angle, tip displacement and torque of all runs: median, quartiles, and the central 90 %.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: hub angle less the plan, tip displacement, torque and the distribution of what vibration is
-            left; by default a new figure of pyplot.
+            Axes to draw on: hub angle less the plan, tip displacement, torque and the distribution of the residual
+            vibration. If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.slew").plot_tracking_study(self, ax, **style)
 
 
-def drawn(name: str, given: Any, runs: int, rng: np.random.Generator, center: float | None, nominal: float) -> Array:
-    """Return one number a run, as a distribution is given.
+def drawn(
+    name: str, distribution: Any, runs: int, rng: np.random.Generator, center: float | None, nominal: float
+) -> Array:
+    """Return a sample of a distribution, one value per run.
 
     Parameters
     ----------
-    given : None, float, (low, high), or (runs,) array_like
-        Nominal; a number: the same in all runs, or a relative half-width where there is a center; even between two; or as
-        listed, which two numbers of two runs are.
+    distribution : None, float, (low, high), or (runs,) array_like
+        None: nominal. Number: the same in all runs, or a relative half-width if there is a center. Two numbers: uniform
+        between them. Array: one value per run; with two runs, two numbers are an array.
     center : float or None
-        Around which a number is a relative half-width.
+        Center of the relative half-width.
 
     Raises
     ------
     TypeError, ValueError
     """
-    even = rng.random(runs)  # drawn always, so that one distribution does not change the others
-    if given is None:
+    even = rng.random(runs)  # always drawn, so that the samples do not depend on each other
+    if distribution is None:
         return np.full(runs, nominal)
-    values = plain_array(name, given)
+    values = plain_array(name, distribution)
     if values.ndim == 0:
-        width = real(name, given)
+        width = real(name, distribution)
         if center is None:
             return np.full(runs, width)
         if not 0.0 <= width < 1.0:

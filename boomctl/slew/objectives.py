@@ -1,6 +1,6 @@
-"""What a slew may be the best in: the cost of one interval to a programme, and the value along a replay.
+"""Objectives of slews: the cost of one interval in a nonlinear program, and the value along a replay.
 
-An entry of :data:`OBJECTIVES` is all that a new objective takes.
+A new objective requires only an entry of :data:`OBJECTIVES`.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,32 +16,32 @@ from boomctl.slew.nlp.interval import Interval, Units
 from boomctl.slew.plant import SlewPlant
 from boomctl.slew.torque import TorqueProfile, lines_between
 
-_CHATTER = 1e-6  # price of the torque and its changes beside the tip's bound: too small to be seen, enough to decide
+_CHATTER = 1e-6  # weight of the torque and its changes relative to the tip's bound: makes the torque unique
 
 Parts: TypeAlias = tuple[tuple[SlewPlant, slice], ...]
-"""Plants, which the one torque drives, with their places in the states."""
+"""Plants driven by the same torque, with their slices of the states."""
 Paths: TypeAlias = Sequence[tuple[SlewPlant, Array, Array]]
-"""Plants with the instants [s] of a replay and their coordinates there."""
+"""Plants with the time points [s] of a replay and the coordinates at them."""
 
 
 @dataclass(frozen=True)
 class Objective:
-    """What is made least.
+    """Objective of a slew.
 
     Attributes
     ----------
     title : str
-        In words.
+        Name for output, such as "minimum time".
     cost : function of the plants, the units, an interval and the number of intervals
-        The interval's share of the cost, scaled to about one.
+        Contribution of an interval to the cost, scaled to about one.
     value : function of a torque and the replay
         The cost in SI units.
     continuous : bool
-        Whether the torque is to be continuous and straight on each interval; else it is held there.
+        True for a continuous torque, linear on each interval; otherwise it is held there.
     unit : function of the units
-        What a cost of one is worth, where the programme's own start decides: else meshes could not be compared.
+        Objective at a scaled cost of one, if the initial guess sets the scale; makes meshes comparable.
     bounds_tip : bool
-        Whether there is an unknown that the tip's displacement does not exceed.
+        True if an unknown bounds the tip displacement.
     """
 
     title: str
@@ -53,18 +53,18 @@ class Objective:
 
 
 def _effort(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
-    """Integral of the torque squared."""
+    """Return the integral of the squared torque."""
     return s.h / units.time * (s.u**2 + s.u * s.u1 + s.u1**2) / 3.0
 
 
 def _tip(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
-    """The bound; where the tip stays at it the torque is free to chatter, from which a small price keeps it."""
+    """Return the bound with a small weight of the torque, which prevents chattering while the tip is at the bound."""
     assert s.bound is not None
     return s.bound / intervals + _CHATTER * (_effort(parts, units, s, intervals) + (s.u1 - s.u) ** 2)
 
 
 def _jerk(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
-    """Integral of the hub's jerk squared, of all plants."""
+    """Return the integral of the squared hub jerk of all plants."""
     total = ca.SX(0)
     for plant, own in parts:
         unit, row = ca.DM(units.states[own]), ca.DM(plant.rows["speed"])
@@ -76,7 +76,7 @@ def _jerk(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
 
 
 def _jerk_squared(history: TorqueProfile, paths: Paths) -> float:
-    """Integral of the hub's jerk squared along the replay, whose instants include all corners of the torque."""
+    """Return the integral of the squared hub jerk along the replay, whose times include all breakpoints of the torque."""
     plant, time, coordinates = paths[0]
     start, end, slope = lines_between(history, time)
     ends = ((start, coordinates[:-1]), (end, coordinates[1:]))
@@ -110,4 +110,4 @@ OBJECTIVES = {
         bounds_tip=True,
     ),
 }
-"""By the names that users give."""
+"""Objectives by name."""

@@ -1,18 +1,18 @@
-"""Optimal slews: the best torque for a problem, by the first way that finds one, played back and certified.
+"""Optimal slews: the torque is computed by the first method that succeeds, then simulated and certified.
 
-The ways, in the order in which they are tried; the stages of a result names those that ran:
+Methods, in order; the stages of a result list those used:
 
-1. Switching times of a linear plant, for the least time under the torque's limit alone: the problem is convex, the times
-   are exact, and weak duality proves that they are optimal.
-2. Durations of arcs of a nonlinear plant, for the same: a few unknowns, started from the linear part's, accurate to the
-   tolerance. With one mode they start from the rigid body with its slowest vibration, two unknowns in closed form.
-3. Least effort, but with a limit of the torque's slope: the torque held on a mesh is a closed form, clipped at its limit, in
-   as many unknowns as the end has conditions and limits are met at nodes. Of a linear plant under the torque's limit
-   alone weak duality says how far any torque is from it; of others the closed form is taken again along the motion.
-4. A programme on a mesh, for all else and where the durations lead nowhere; a bang-bang torque that it finds is handed to
-   the durations of its arcs once more.
+1. Minimum time of a linear plant under the torque limit only: switching times. The problem is convex, the times are
+   exact, and weak duality proves that they are optimal.
+2. Minimum time of a nonlinear plant under the torque limit only: durations of arcs, accurate to the tolerance. They start
+   from those of the linear part, or with one mode from the rigid body with its slowest vibration, in closed form.
+3. Minimum effort without a torque rate limit: the torque held on a mesh is a closed form, clipped at its limit, with one
+   unknown per terminal condition and active limit. For a linear plant under the torque limit only, weak duality bounds
+   the optimality gap; for others the closed form is iterated along the motion.
+4. A nonlinear program on a mesh, for all other problems and if method 2 fails; the arcs of a bang-bang torque from it are
+   the start of another attempt by method 2.
 
-Beams with axial modes are planned as if they did not stretch, and judged with these modes.
+Beams with axial modes are planned without them, and simulated with them.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from boomctl.slew.least_time.arc_count import arcs_behind
 from boomctl.slew.least_time.newton import least_time_arcs, led_to_end
 from boomctl.slew.least_time.switching import least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
-from boomctl.slew.nlp.programme import Solution
+from boomctl.slew.nlp.program import Solution
 from boomctl.slew.nlp.refinement import refined, solved, within_limits
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.objectives import OBJECTIVES
@@ -56,49 +56,49 @@ if TYPE_CHECKING:
 
     from boomctl.slew.plant import SlewMachine
 
-TIME_LIMIT = 120.0  # [s] for a search unless another is given: ten times what the slowest of the designs takes
-_FAILED = 2  # meshes without a torque of least effort, after which none is tried (a choice)
-_LONGER = 1.5  # times the linear part's least time: what a first guess takes within more limits than the torque's
+TIME_LIMIT = 120.0  # default time limit of a search [s]: ten times that of the slowest design
+_FAILED = 2  # meshes without a torque of least effort after which the method stops
+_LONGER = 1.5  # duration of an initial guess with limits other than the torque's, over the linear part's least time
 
 
 @dataclass(frozen=True, eq=False)
 class Planned:
-    """What a result remembers of its planning: what was asked, and a programme with its solution."""
+    """Data of a result for replanning: arguments, problem, and a nonlinear program with its solution."""
 
-    asked: dict[str, Any]
+    arguments: dict[str, Any]
     problem: SlewProblem
-    programme: Transcription | None
+    program: Transcription | None
     solution: Solution | None
 
     __repr__ = compact
 
 
-def _programme(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
-    """The torque of a programme on a mesh; where it is bang-bang, the durations of its arcs once more."""
+def _nonlinear_program(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
+    """Solve a nonlinear program on a mesh; if its torque is bang-bang, then optimize the durations of its arcs."""
     if least is None or not problem.fastest:
         duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
         least = least_effort(problem, duration, problem.intervals or MESHES[0]).history
-    found, limit = refined(problem, least), problem.limits.torque
+    candidate, limit = refined(problem, least), problem.limits.torque
     if problem.fastest:
         bang, ran = least_time_arcs(
-            problem, arcs_behind(found.history.start_values / limit, found.history.duration, limit)
+            problem, arcs_behind(candidate.history.start_values / limit, candidate.history.duration, limit)
         )
-        return replace(bang or found, stages=(*found.stages, *ran))
-    return found
+        return replace(bang or candidate, stages=(*candidate.stages, *ran))
+    return candidate
 
 
 def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ...]]:
-    """The least effort of a torque that is held, of which no more than the end and the limits that are met have to be found.
+    """Compute the held torque of least effort, with one unknown per terminal condition and active limit.
 
-    Of a linear plant within the torque's limit alone weak duality tells how far it is from the least of all; of others,
-    how much a mesh half as fine changes, or one twice as fine where that has no slew. None where a limit is too low, of
-    which a programme says where it is met, and where Newton's method failed: on two meshes, the coarsest.
+    The gap is that of weak duality for a linear plant under the torque limit only; otherwise the change of the effort on a
+    mesh half as fine, or twice as fine if that has no solution. None if a limit is too low (a nonlinear program then
+    reports where) or Newton's method fails, on the two coarsest meshes.
     """
-    asked = problem.intervals
-    proved = problem.linear and not problem.limits.beside_torque
+    requested = problem.intervals
+    proved = problem.linear and not problem.limits.without_torque
     result, stages, gap = None, (), inf
     try:
-        for intervals in MESHES if asked is None else (asked,):
+        for intervals in MESHES if requested is None else (requested,):
             stages = (*stages, f"least effort on {intervals} intervals")
             finer = _effort_within(problem, intervals)
             if finer is None:
@@ -122,23 +122,23 @@ def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ..
 
 
 def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
-    """Least effort on a mesh, the limits tightened until the replay keeps them between the nodes too; None without any."""
+    """Compute the least effort on a mesh; tighten limits until the replay satisfies them between the nodes too, or None."""
     duration, limits = problem.duration, problem.limits
     assert duration is not None
-    if not limits.beside_torque and problem.linear:
+    if not limits.without_torque and problem.linear:
         least = least_effort(problem, duration, intervals)
-        return Candidate(least.history, "least effort", inf, "proved") if least.missed <= ALIKE else None
+        return Candidate(least.history, "least effort", inf, "proved") if least.residual <= ALIKE else None
     result = None
     for _ in range(ROUNDS):
         result = effort_on_mesh(problem, duration, intervals, limits, result)
         if result is None:
             return None
         candidate = Candidate(result.history, "least effort", result.more, "stationary")
-        if not limits.beside_torque:
+        if not limits.without_torque:
             return candidate
         motions = played(problem, candidate.history)
         excess = violation(problem, candidate.history, motions)
-        # relative, over a limit, in a replay: rounding of the integrator
+        # relative excess at the rounding error of the integrator
         if max(excess.values()) <= ALIKE:
             return replace(candidate, motions=motions)
         limits = limits.tightened(excess)
@@ -167,61 +167,61 @@ def optimal_slew(
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
-    """Turn a flexible beam, or any linear system, through an angle in the best way that the limits allow.
+    """Plan an optimal slew of a flexible beam, or of any linear system, within limits.
 
     Parameters
     ----------
     system : hub-beam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
-        and that angle. Outputs "tip_displacement" and "root_moment" are known by name.  Words and pictures call its signals
-        by their own names, and give units where these are those of a hub-beam, "torque" and "hub_angle".
+        and that angle. Outputs "tip_displacement" and "root_moment" are identified by name.  Texts and plots use its signal
+        names, with units if these are the names of a hub-beam, "torque" and "hub_angle".
     angle, torque_limit : float
-        Angle to turn through [rad] (None leaves it free), and largest torque either way [N m].
+        Slew angle [rad], free if None, and largest absolute torque [N m].
     angle_deg : float, optional
         The angle in degrees, in place of ``angle``.
     objective, duration : str, float or None
-        "time"; or in a given duration [s] "effort" (integral of the torque squared), "jerk" (of the hub's jerk
-        squared), "torque-rate" (of the torque's slope squared), "tip" (largest tip displacement).
+        "time"; or with a duration [s] "effort" (integral of the squared torque), "jerk" (of the squared hub jerk),
+        "torque-rate" (of the squared torque rate), "tip" (largest tip displacement).
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
-        Limits of the torque's slope [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
+        Limits of the torque rate [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
         m].
     final_speed : float
         Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
     initial_state, final_state : array_like or None
-        States of a linear system at the beginning and at the end, in its own order; None is rest.
+        Initial and terminal state of a linear system. If None, rest.
     tip_masses : tuple of float
-        Other payloads [kg] that the same torque leaves without vibration; the angle is that of h itself.
+        Other payloads [kg] that the same torque brings to rest without vibration; the angle is that of `system`.
     rtol : float, optional
-        Largest relative error of the prescribed end state in the replay; by default 1e-6. Beams with axial modes, as of FOAM,
-        are planned as if they did not stretch, and replayed with these modes: by default with 1e-4. A smaller tolerance is
-        met by switching times that are corrected with axial modes; other torques are refused where they miss it. Axial motion
-        is not prescribed; what is left of it is in ``terminal_error``.
+        Largest relative error of the prescribed end state in the replay; by default 1e-6. Beams with axial modes, such as
+        FOAM, are planned without these modes and replayed with them: by default with 1e-4. For smaller tolerances, switching
+        times are corrected with axial modes; other torques raise an error if they exceed it. Axial motion is not prescribed;
+        the rest of it is in ``terminal_error``.
     intervals : int or None
-        Number of intervals of the mesh; None refines it until halving it changes the cost by less than 1e-4.
+        Number of intervals of the mesh. If None, it is refined until halving changes the cost by less than 1e-4.
     time_limit : float
-        Time to search for it [s]; judging what was found takes a little more. When it is over, the slew on the finest
+        Time limit of the search [s], without the verification of the result. If it is exceeded, the slew on the finest
         mesh so far is returned, if the replay confirms it.
     progress : callable or None
-        Called with a `SlewProgress` now and then.
+        Called with a `SlewProgress` at each stage and iteration.
 
     Returns
     -------
     SlewResult
-        The torque over time, what the plant does under it, and a certificate.
+        Torque and motion over time, and a certificate.
 
     Raises
     ------
     TypeError, ValueError, SlewError
-        A bad argument, or no angle or torque limit; a slew that no torque within the limits can do: the message says what
-        is missed most, and when, and which limits are met; the time limit is over before there is a slew: the message
-        says what was reached.
+        If an argument is invalid, or angle or torque limit are missing; if no torque within the limits is found: the
+        message names the largest violation, its time and the active limits; if the time limit is exceeded before there is
+        a slew: the message names the stage.
     KeyboardInterrupt
         Within two seconds of an interrupt, also while a solver runs.
 
     Warns
     -----
     BoomctlWarning
-        A hub-beam is to turn further than once round: an angle in degrees, it may be.
+        If the angle of a hub-beam exceeds one revolution: it may be in degrees.
 
     Examples
     --------
@@ -235,7 +235,7 @@ def optimal_slew(
     """
     if torque_limit is None:
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
-    asked = {
+    arguments = {
         "h": system,
         "angle": _turned(is_statespace(system), angle, angle_deg),
         "limits": Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
@@ -249,15 +249,15 @@ def optimal_slew(
         "intervals": intervals,
     }
     with _search(time_limit, progress) as deadline:
-        return _planned(asked, slew_problem(**asked, deadline=deadline))
+        return _planned(arguments, slew_problem(**arguments, deadline=deadline))
 
 
 @contextmanager
 def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None) -> Iterator[SlewDeadline]:
-    """Bound a search and tell of it, by default those who listen to computations; say when time is over."""
+    """Limit the time of a search and report its progress, by default to the listeners of computations."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda seen: tell(seen.stage)))
+    deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda item: tell(item.stage)))
     try:
         with computing("optimal slew"), noting_interrupts(deadline):
             yield deadline
@@ -269,7 +269,7 @@ def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None
 
 
 def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
-    """Return the angle asked for [rad], None where it is left free."""
+    """Return the specified angle [rad], None if it is free."""
     if angle_deg is not None:
         if angle is not ...:
             raise ValueError("angle, angle_deg: expected one of them, got both")
@@ -281,35 +281,38 @@ def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float |
     return angle
 
 
-def _planned(asked: dict[str, Any], problem: SlewProblem, before: Planned | None = None) -> SlewResult:
-    """Plan a slew, from a programme solved before where there is one, and certify it.
+def _planned(arguments: dict[str, Any], problem: SlewProblem, before: Planned | None = None) -> SlewResult:
+    """Plan a slew, from an earlier nonlinear program if any, and certify it.
 
-    With axial modes, which planning leaves out, switching times are corrected at need.
+    With axial modes, which planning neglects, switching times are corrected if necessary.
     """
-    if before is None or before.programme is None or before.solution is None:
-        found = _searched(problem)
+    if before is None or before.program is None or before.solution is None:
+        candidate = _searched(problem)
     else:
-        found = within_limits(problem, solved(problem, before.programme, before.solution, problem.limits))
-        found = replace(found, stages=("collocation, solved again on its mesh",))
-    motions = played(problem, found.history) if found.motions is None else found.motions
+        candidate = within_limits(problem, solved(problem, before.program, before.solution, problem.limits))
+        candidate = replace(candidate, stages=("collocation, solved again on its mesh",))
+    motions = played(problem, candidate.history) if candidate.motions is None else candidate.motions
     if problem.stretches:
-        found = replace(found, stages=("planned without axial modes", *found.stages))
-        ends = end_map(problem, found.history)
-        for _ in range(ROUNDS if found.method == "switching times" else 0):
+        candidate = replace(candidate, stages=("planned without axial modes", *candidate.stages))
+        ends = end_map(problem, candidate.history)
+        for _ in range(ROUNDS if candidate.method == "switching times" else 0):
             if prescribed_error(problem, motions) <= problem.rtol:
                 break
             end = np.concatenate([motion.coordinates[-1] for motion in motions])
-            corrected = led_to_end(ends, found.history, ends.rows @ end - ends.target)
+            corrected = led_to_end(ends, candidate.history, ends.rows @ end - ends.target)
             if corrected is None:
                 break
             problem.deadline.check("switching times corrected with axial modes", corrected.duration)
-            motions, stages = played(problem, corrected), (*found.stages, "switching times corrected with axial modes")
-            found = replace(found, history=corrected, stages=tuple(dict.fromkeys(stages)))
-    return _certified(asked, problem, replace(found, motions=motions))
+            motions, stages = (
+                played(problem, corrected),
+                (*candidate.stages, "switching times corrected with axial modes"),
+            )
+            candidate = replace(candidate, history=corrected, stages=tuple(dict.fromkeys(stages)))
+    return _certified(arguments, problem, replace(candidate, motions=motions))
 
 
 def _searched(problem: SlewProblem) -> Candidate:
-    """Find a torque by the first way that leads to one."""
+    """Compute a torque by the first method that succeeds."""
     stages, result, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
@@ -317,9 +320,9 @@ def _searched(problem: SlewProblem) -> Candidate:
             result, ran = least_time_arcs(problem, first)
             stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:
-        extremal = least_time(problem)  # of the linear part: where every other way starts
+        extremal = least_time(problem)  # of the linear part: initial guess of all other methods
         least, stages = extremal.history, (*stages, "linear switching times")
-        if problem.fastest and problem.linear:  # it is the answer: what is left to find is its distance from the bound
+        if problem.fastest and problem.linear:  # already the solution: compute its gap
             gap = time_gap(problem, extremal)
             optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
             return Candidate(least, "switching times", gap, optimality, stages=stages)
@@ -329,7 +332,7 @@ def _searched(problem: SlewProblem) -> Candidate:
     if problem.objective == "effort" and problem.limits.torque_rate is None:
         result, stages = _least_effort(problem)
     if result is None:
-        result = _programme(problem, least)
+        result = _nonlinear_program(problem, least)
         stages += result.stages
     return replace(result, stages=stages)
 
@@ -346,14 +349,14 @@ def replan(
 ) -> SlewResult:
     """Solve a planned slew again with another angle or torque limit, started from its solution.
 
-    A programme is not built anew, which makes it fast; what was planned without one is planned once more.
+    A nonlinear program is reused without building it again; a slew planned without one is planned from scratch.
 
     Parameters
     ----------
     result : SlewResult
-        What `optimal_slew` returned.
+        Result of `optimal_slew`.
     angle, torque_limit : float or None
-        The new angle [rad] and the new limit [N m]; None: as before.
+        New angle [rad] and new limit [N m]. If None, unchanged.
     angle_deg : float, optional
         The new angle in degrees, in place of ``angle``.
     time_limit, progress
@@ -362,12 +365,12 @@ def replan(
     Returns
     -------
     SlewResult
-        The new slew, with a certificate of its own.
+        The new slew, with its certificate.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of result, or an angle that was free or part of given states.
+        If `result` is not planned by `optimal_slew`, or `angle` is given and was free or part of specified states.
     SlewError
         As `optimal_slew`.
 
@@ -386,42 +389,42 @@ def replan(
     """
     before = instance("result", result, SlewResult).plan
     if before is None:
-        raise ValueError("result: expected a slew that optimal_slew planned; plan this one anew")
-    asked = dict(before.asked)
+        raise ValueError("result: expected a slew that optimal_slew planned; plan this one again")
+    arguments = dict(before.arguments)
     if angle is not None or angle_deg is not None:
         if before.problem.angle is None or not before.problem.waits:
             raise ValueError("angle: expected None, for the slew had a free angle or given states")
-        asked["angle"] = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
+        arguments["angle"] = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
     if torque_limit is not None:
-        asked["limits"] = replace(before.problem.limits, torque=torque_limit)
+        arguments["limits"] = replace(before.problem.limits, torque=torque_limit)
     with _search(time_limit, progress) as deadline:
-        return _planned(asked, slew_problem(**asked, deadline=deadline), before)
+        return _planned(arguments, slew_problem(**arguments, deadline=deadline), before)
 
 
-def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) -> SlewResult:
-    """Judge a torque by its replay, and put the result together."""
-    # what is kept of the problem tells nobody
-    history, deadline, problem = found.history, problem.deadline, replace(problem, deadline=SlewDeadline())
-    motions = found.motions
+def _certified(arguments: dict[str, Any], problem: SlewProblem, candidate: Candidate) -> SlewResult:
+    """Evaluate a torque by its replay, and build the result."""
+    # the stored problem has no callback
+    history, deadline, problem = candidate.history, problem.deadline, replace(problem, deadline=SlewDeadline())
+    motions = candidate.motions
     assert motions is not None
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
     excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
-    if error > max(problem.rtol, SUMMED):  # error of the end, relative, that no tolerance forbids
+    if error > max(problem.rtol, SUMMED):  # rounding error is always accepted
         other = "" if problem.objective == "effort" else ", or the objective 'effort' with a given duration"
         raise SlewError(
             f"the replay ends {error:.1e} off the end state; expected at most {problem.rtol:.1e}. A larger rtol{other} may do"
         )
     certificate = SlewCertificate(
-        method=found.method,
+        method=candidate.method,
         terminal_error=whole,
         prescribed_terminal_error=error,
         free_terminal_errors=free,
         constraint_violation=max(excess.values()),
         active_constraints=binding(problem, history, motions),
-        optimality_gap=found.gap,
-        optimality_status=found.optimality,
-        n_switches=int(history.switching_times.size) if found.method == "switching times" else None,
-        intervals=None if found.method == "switching times" else int(history.start_values.size),
+        optimality_gap=candidate.gap,
+        optimality_status=candidate.optimality,
+        n_switches=int(history.switching_times.size) if candidate.method == "switching times" else None,
+        intervals=None if candidate.method == "switching times" else int(history.start_values.size),
     )
     history = replace(history, unit=problem.plants[0].labels["torque"][1])
     paths = [(plant, item.time, item.coordinates) for plant, item in zip(problem.plants, motions, strict=True)]
@@ -443,8 +446,8 @@ def _certified(asked: dict[str, Any], problem: SlewProblem, found: Candidate) ->
         certificate=certificate,
         torque_profile=history,
         _others=partial(other_models, problem, history),
-        plan=Planned(asked, problem, found.programme, found.solution),
-        stages=found.stages,
+        plan=Planned(arguments, problem, candidate.program, candidate.solution),
+        stages=candidate.stages,
         small_deformation_until=first.small_deformation_until,
         elapsed=deadline.elapsed,
     )

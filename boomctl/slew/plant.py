@@ -1,4 +1,4 @@
-"""What is slewed, as the planning sees it: a linear system, or a hub-beam in coordinates of its vibrations."""
+"""Plants of the planning: a linear system, or a hub-beam in modal coordinates."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from boomctl.lti.rounding import ALIKE, SUMMED
 if TYPE_CHECKING:
     import casadi
 
-_SPLIT = 1e-6  # share of |A| below which an eigenvalue is zero: a double zero splits by the root of rounding, 1e-8
-_BEAMS = 32  # whose plants are kept: who tries angles and limits asks for the same again (a choice)
+_SPLIT = 1e-6  # fraction of |A| below which an eigenvalue is zero: rounding splits a double zero by about 1e-8
+_BEAMS = 32  # cached plants of beams: slews with other angles and limits reuse them
 
 
 class SlewMachine(Protocol):
-    """A flexible beam on a hub that a torque turns, as `boomctl.rotating_beam` offers it.
+    """Protocol of a flexible beam on a torque-driven hub, implemented in `boomctl.rotating_beam`.
 
     States are coordinates, hub angle first, then their rates.
     """
@@ -40,7 +40,7 @@ class SlewMachine(Protocol):
 
     @property
     def _root_moment_row(self) -> Array:
-        """Row that reads the bending moment at the clamp off a state, N m."""
+        """Output row over the states for the bending moment at the clamp, N m."""
         ...
 
     def _casadi_equations(self) -> tuple[casadi.Function, Array]:
@@ -64,24 +64,24 @@ class SlewMachine(Protocol):
         ...
 
     def with_tip_mass(self, tip_mass: float) -> SlewMachine:
-        """The same model with another tip mass, kg."""
+        """Return the same model with another tip mass, kg."""
         ...
 
     def with_stiffness_factor(self, factor: float) -> SlewMachine:
-        """The same model with its bending stiffness multiplied by a factor."""
+        """Return the same model with its bending stiffness multiplied by a factor."""
         ...
 
     def _without_axial_modes(self) -> SlewMachine:
-        """The same model of a beam that does not stretch."""
+        """Return the same model without axial modes."""
         ...
 
     def with_model(self, model: str, modes: int | None = None) -> Any:
-        """The same machine in another model."""
+        """Return the same machine with another model."""
         ...
 
 
 def is_machine(h: object) -> TypeGuard[SlewMachine]:
-    """Whether something is a hub-beam with equations of motion for CasADi: its class is asked, its properties are not run."""
+    """Return True for a hub-beam with equations of motion for CasADi; evaluates no properties."""
     return hasattr(type(h), "_casadi_equations")
 
 
@@ -93,28 +93,28 @@ LABELS = {
     "tip": ("tip displacement", "m"),
     "moment": ("root moment", "N m"),
 }
-"""What the quantities of a hub-beam's slew are called, and their units, by kind."""
+"""Names and units of the quantities of a hub-beam's slew, by kind."""
 
 
 @dataclass(frozen=True, eq=False)
 class SlewPlant:
-    """What a torque slews, in coordinates z with states ``x = to_state z``.
+    """Plant of a slew, in coordinates z with states ``x = to_state z``.
 
     Attributes
     ----------
     A, B : ndarray, n x n and n
         Linear part ``z' = A z + B u``, about rest.
     to_state, from_state : ndarray, n x n
-        Change of coordinates; the states of a beam are those without axial modes.
+        Change of coordinates; axial states of a beam are excluded.
     rows : dict of str to ndarray
-        "angle", "speed", and where the plant has them "tip" [m] and "moment" [N m]: rows over z.
+        "angle", "speed", and if available "tip" [m] and "moment" [N m]: rows over z.
     frequencies : ndarray or None
         For a second-order plant in modal coordinates (m positions, rigid one first, then their rates): undamped
-        frequencies, rad/s. None: coordinates as given.
+        frequencies, rad/s. None for other coordinates.
     machine : SlewMachine or None
-        The nonlinear beam behind it; None for a linear system.
+        The nonlinear beam; None for a linear system.
     labels : mapping from kind to (str, str)
-        Names and units, as `LABELS`; of a linear system by the names of its signals, its units empty.
+        Names and units, as `LABELS`; for a linear system its signal names, with empty units.
     """
 
     A: Array
@@ -127,18 +127,18 @@ class SlewPlant:
     labels: Mapping[str, tuple[str, str]] = field(default_factory=lambda: LABELS)
 
     def with_unit(self, kind: str, number: str) -> str:
-        """Return a number of some kind with its unit, where that is known."""
+        """Return a number with the unit of its kind, if known."""
         return f"{number} {self.labels[kind][1]}".rstrip()
 
     @property
     def planned_machine(self) -> SlewMachine:
-        """The beam that is planned: one that does not stretch."""
+        """Beam of the planning, without axial modes."""
         assert self.machine is not None
         return self.machine._without_axial_modes()
 
     @cached_property
     def axial(self) -> Array:
-        """Places of the axial coordinates among the states of the beam, which are played but not planned."""
+        """Indices of the axial coordinates among the states of the beam, which are simulated but not planned."""
         if self.machine is None:
             return np.zeros(0, dtype=int)
         planned = self.planned_machine.state_labels
@@ -162,16 +162,16 @@ class SlewPlant:
 
     @cached_property
     def inertia(self) -> float | None:
-        """Rigid inertia: torque over the size of the angular acceleration in the mean, kg m^2; None without one."""
+        """Rigid inertia: torque over the absolute mean angular acceleration, kg m^2; None without one."""
         left = np.linalg.svd(self.A.T)[2][-1]
         try:
             turning = float(left @ self.rest(0.0, 1.0))
         except ValueError:
             return None
-        # share of a norm at which a push is rounding
+        # rounding error relative to a norm
         if abs(turning) <= SUMMED:  # the torque drives the acceleration itself
             return None
-        return abs(turning / float(left @ self.B))  # whichever way the angle is counted
+        return abs(turning / float(left @ self.B))  # regardless of the sign of the angle
 
     @property
     def period(self) -> float:
@@ -186,13 +186,13 @@ class SlewPlant:
 
     @property
     def slowest(self) -> float:
-        """Least size of an eigenvalue that is not zero, 1/s; infinite if there is none. A double zero splits by rounding."""
+        """Smallest modulus of the nonzero eigenvalues, 1/s; infinite if there are none."""
         sizes = np.abs(self.poles)
         return float(np.min(sizes, where=sizes > _SPLIT * np.abs(self.A).max(), initial=np.inf))
 
     def still(self, z: Array) -> bool:
-        """Whether nothing moves at z without torque."""
-        # share of |A| |z| below which nothing moves
+        """Return True if z is an equilibrium without torque."""
+        # rounding error relative to |A| |z|
         return bool(np.abs(self.A @ z).max() <= ALIKE * max(1.0, np.abs(self.A).max() * np.abs(z).max()))
 
     def rest(self, angle: float, speed: float) -> Array:
@@ -201,7 +201,7 @@ class SlewPlant:
         Raises
         ------
         ValueError
-            If a linear plant has no such state: ``A x`` is to be the shift of the angle at that speed.
+            If a linear plant has no such state, with ``A x`` the rest direction times the speed.
         """
         if self.machine is not None:
             x = np.array(self.planned_machine.steady_state(speed), dtype=float)
@@ -221,31 +221,31 @@ class SlewPlant:
 
 
 def plant_of(h: object) -> SlewPlant:
-    """Return the plant that a hub-beam or a linear system is.
+    """Return the plant of a hub-beam or a linear system.
 
     Parameters
     ----------
     h : SlewMachine or control.StateSpace
         A linear system's first input is the torque, its first output the angle; an output "tip_displacement" and one
-        "root_moment" are known by their names.
+        "root_moment" are identified by name.
 
     Raises
     ------
     TypeError
-        For anything else.
+        If `h` is neither.
     ValueError
-        If the system is discrete, its angle feels the torque directly, or its numbers are not finite.
+        If the system is discrete, has direct feedthrough from torque to angle or speed, or is not finite.
     """
     if is_machine(h):
-        kept = _beam(h)
-        # equal beams may differ in what they were chosen for, and in who chose their modes
-        return kept if kept.machine is h else replace(kept, machine=h)
+        plant = _beam(h)
+        # equal beams may differ in fields that comparison ignores
+        return plant if plant.machine is h else replace(plant, machine=h)
     return _linear(lti.of(h, "system", "a hub-beam with an equation of motion, or a control.StateSpace"))
 
 
 @lru_cache(maxsize=_BEAMS)
 def _beam(h: SlewMachine) -> SlewPlant:
-    """The beam in modal coordinates of its linear part about rest, without axial modes."""
+    """Return the beam in modal coordinates of its linear part about rest, without axial modes."""
     planned = h._without_axial_modes()
     at_rest = planned._linear(0.0)
     A, B, C = at_rest.A, at_rest.B, at_rest.C
@@ -273,16 +273,16 @@ def _beam(h: SlewMachine) -> SlewPlant:
     )
     for item in (*vars(plant).values(), *plant.rows.values()):
         if isinstance(item, np.ndarray):
-            item.setflags(write=False)  # whoever asks next has the same ones
+            item.setflags(write=False)  # shared by the cache
     return plant
 
 
 def _linear(system: lti.Lti) -> SlewPlant:
-    """The linear system from its first input to its outputs, states in units that suit it."""
+    """Return the linear system from its first input to its outputs, in balanced state units."""
     A, b, C = system.A, system.B[:, 0], system.C
     if not b.size or system.D[0, 0] != 0.0 or abs(C[0] @ b) > 0.0:
         raise ValueError("system: expected an angle that follows the torque with two integrations (C B = 0 and D = 0)")
-    # powers of two in which states are measured, such that it does not matter which units they came in
+    # scale the states by powers of two, so that results do not depend on their units
     whole = blocks([[A, b[:, None]], [C[:1], np.zeros((1, 1))]])
     scale = balance(whole)[1]
     unit = scale[:-1] / scale[-1]
@@ -307,7 +307,7 @@ def _linear(system: lti.Lti) -> SlewPlant:
 
 
 def _labels(torque: str, angle: str) -> Mapping[str, tuple[str, str]]:
-    """Return what a linear system's quantities are called; the units of those that a hub-beam has are known."""
+    """Return names and units of a linear system's quantities; units are known for the names of a hub-beam."""
     if (torque, angle) == ("torque", "hub_angle"):
         return LABELS
     # python-control calls signals without names u[0] and y[0]
@@ -319,5 +319,5 @@ def _labels(torque: str, angle: str) -> Mapping[str, tuple[str, str]]:
 def _solved(matrix: Array, right: Array) -> Array | None:
     x = np.linalg.lstsq(matrix, right, rcond=None)[0]
     scale = max(np.abs(right).max(), np.abs(matrix).max() * np.abs(x).max())
-    # residual of an equation for a state of rest that counts as solved, relative
+    # relative residual at rounding level
     return x if np.abs(matrix @ x - right).max() <= ALIKE * scale else None

@@ -1,4 +1,4 @@
-"""What is asked of a slew, checked at the boundary, and refused where no torque can do it."""
+"""Definition of a slew problem, with checks of its arguments and of its feasibility."""
 
 from __future__ import annotations
 
@@ -33,35 +33,33 @@ from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 
-_RTOL = 1e-6  # Error of the end by default.
-_RTOL_AXIAL = 1e-4  # Of models with axial modes by default: the least that planning without them keeps.
-MESHES = (50, 100, 200, 400, 800)  # intervals tried, the coarsest and the finest a choice; each halves those before
-MESH_GAP = 1e-4  # relative change of the cost by a halved mesh that is accepted: what a user would see
-ROUNDS = 10  # solutions on a mesh at most, with a higher order or tighter limits each; a safeguard
-_TIGHTER, _AT_LEAST = 1.1, 1e-6  # by how many times an excess, and how much more, a limit is tightened
-AT_LIMIT = (
-    0.999  # share of a limit from which it counts as met, in words and where a solver keeps bounds to 1e-7 (a choice)
-)
-_SHARE = 0.1  # of the slowest time constant: what bringing a state to rest takes at least, as a first guess; a choice
-_LEAST = 1e-9  # [s], a first guess of a time is never shorter: it only keeps logarithms finite
-_MOST_PERIODS = 100  # of a beam's slowest vibration that a slew may last: searches would take hours beyond (a choice)
-_SHORTER = 0.9  # share of the rigid body's time that a beam is left: bent, it has a little less inertia; a choice
+_RTOL = 1e-6  # Default relative tolerance of the end state.
+_RTOL_AXIAL = 1e-4  # Default for models with axial modes: about the error of planning without them.
+MESHES = (50, 100, 200, 400, 800)  # numbers of intervals, in order
+MESH_GAP = 1e-4  # relative change of the cost by a halved mesh at which refinement stops
+ROUNDS = 10  # solutions on a mesh at most, with tighter limits in each
+_TIGHTER, _AT_LEAST = 1.1, 1e-6  # factor on the relative excess, and offset, by which a limit is tightened
+AT_LIMIT = 0.999  # fraction of a limit above which it counts as active
+_START_FRACTION = 0.1  # initial guess of the time to bring a state to rest, as a fraction of the slowest time constant
+_LEAST = 1e-9  # shortest initial guess of a time [s]: keeps logarithms finite
+_MOST_PERIODS = 100  # longest slew in periods of a beam's slowest vibration: limits the run time of searches
+_SHORTER = 0.9  # fraction of the rigid body's least time accepted for a beam, whose inertia decreases in bending
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a slew may not exceed; None where there is no limit.
+    """Limits of a slew; None for no limit.
 
     Attributes
     ----------
     torque : float
-        N m.
+        Absolute torque, N m.
     torque_rate : float or None
-        Of the torque's slope, N m/s.
+        Derivative of the torque, N m/s.
     speed : float or None
-        Of the hub, rad/s.
+        Hub speed, rad/s.
     tip : float or None
-        Displacement, m.
+        Tip displacement, m.
     moment : float or None
         Bending moment at the clamp, N m.
     """
@@ -78,24 +76,24 @@ class Limits:
                 object.__setattr__(self, kind, positive(f"{kind}_limit", value))
 
     @property
-    def given(self) -> dict[str, float]:
-        """The limits that there are, by kind, the torque's first."""
+    def by_kind(self) -> dict[str, float]:
+        """Limits by kind, the torque's first."""
         return {kind: value for kind, value in vars(self).items() if value is not None}
 
     @property
-    def beside_torque(self) -> dict[str, float]:
-        """The limits that there are beside the torque's, by kind."""
-        return {kind: value for kind, value in self.given.items() if kind != "torque"}
+    def without_torque(self) -> dict[str, float]:
+        """Limits other than the torque's, by kind."""
+        return {kind: value for kind, value in self.by_kind.items() if kind != "torque"}
 
     def most(self, kind: str) -> float:
-        """Return the limit of a kind; infinite where there is none."""
-        return self.given.get(kind, math.inf)
+        """Return the limit of a kind; infinite if there is none."""
+        return self.by_kind.get(kind, math.inf)
 
     def tightened(self, excess: Mapping[str, float]) -> Limits:
-        """Return limits beside the torque's that are smaller where a motion exceeds one, by shares of it."""
+        """Return limits reduced by the relative excess of a motion; the torque limit is unchanged."""
         smaller = {
             kind: limit / (1.0 + _TIGHTER * excess[kind] + _AT_LEAST * (excess[kind] > 0.0))
-            for kind, limit in self.beside_torque.items()
+            for kind, limit in self.without_torque.items()
         }
         return replace(self, **smaller)
 
@@ -107,27 +105,27 @@ class SlewProblem:
     Attributes
     ----------
     plants : tuple of SlewPlant
-        The one that is to arrive, then the same with other payloads, which are to come to rest.
+        The plant to slew, then the same with other payloads, which must come to rest.
     objective : str
     duration : float or None
-        s; None of minimum time.
+        Duration, s; None for minimum time.
     limits : Limits
     angle : float or None
-        Turned through, rad; None if free.
+        Slew angle, rad; None if free.
     final_speed : float
-        rad/s.
+        Hub speed at the end, rad/s.
     start, target : ndarray, n
-        Of all plants, in their coordinates.
+        Initial and terminal coordinates of all plants.
     ends : ndarray, m x n
         Rows of the state that are prescribed at the end.
     waits : bool
-        Whether the plant can wait at its start or its target.
+        True if start or target is an equilibrium.
     rtol : float
     intervals : int or None
     tip_masses : tuple of float
-        Of the other payloads, kg.
+        Tip masses of the other payloads, kg.
     deadline : SlewDeadline
-        How long it may be sought, and who is told.
+        Time limit and progress callback of the search.
     """
 
     plants: tuple[SlewPlant, ...]
@@ -149,33 +147,33 @@ class SlewProblem:
 
     @cached_property
     def parts(self) -> tuple[tuple[SlewPlant, slice], ...]:
-        """Plants with their places in the coordinates of all."""
+        """Plants with their slices of the joint coordinates."""
         lasts = itertools.accumulate(plant.n for plant in self.plants)
         return tuple((plant, slice(last - plant.n, last)) for plant, last in zip(self.plants, lasts, strict=True))
 
     @property
     def fastest(self) -> bool:
-        """Whether the least time is asked for under the torque's limit alone: the torque is bang-bang then."""
-        return self.objective == "time" and not self.limits.beside_torque
+        """True for minimum time under the torque limit only: the torque is bang-bang."""
+        return self.objective == "time" and not self.limits.without_torque
 
     @property
     def ramps(self) -> bool:
-        """Whether the torque is to be continuous and straight on intervals; else it is held there."""
+        """True for a continuous torque, linear on intervals; otherwise it is held there."""
         return OBJECTIVES[self.objective].continuous or self.limits.torque_rate is not None
 
     @property
     def linear(self) -> bool:
-        """Whether what is slewed is a linear system."""
+        """True if the plant is a linear system."""
         return self.plants[0].machine is None
 
     @property
     def stretches(self) -> bool:
-        """Whether beams have axial modes, without which they are planned."""
+        """True if the beam has axial modes, which planning neglects."""
         return bool(self.plants[0].axial.size)
 
     @property
     def planning_rtol(self) -> float:
-        """Error of the end that planning allows; what axial modes add to it is left."""
+        """Tolerance of the end state in planning, without the effect of axial modes."""
         return min(self.rtol, _RTOL) if self.stretches else self.rtol
 
     @property
@@ -190,35 +188,35 @@ class SlewProblem:
 
     @cached_property
     def B(self) -> Array:
-        """What the torque pushes."""
+        """Input vector of all plants."""
         return np.concatenate([plant.B for plant in self.plants])
 
     @cached_property
     def rigid_time(self) -> float:
-        """A time scale, s: the least time of the rigid body with this inertia for this turn, or for this speed.
+        """Time scale, s: the least time of the rigid body with the plant's inertia for the angle, or for the speed.
 
-        A plant without inertia has a time constant of its own; a vibration at the start takes at least a part of its period.
-        Where the plant can wait neither at start nor target, more time may be of no use: a time that is hardly enough.
+        Without inertia it is a time constant of the plant; an initial vibration takes at least a fraction of its period.
+        If neither start nor target is an equilibrium, more time may be infeasible: the estimate is then low.
         """
         first, own = self.parts[0]
         if first.inertia is None:
             return 1.0 / float(np.linalg.norm(first.A, 2))
         start, end = self.start[own], self.target[own]
         turn, change = (abs(float(first.rows[name] @ (end - start))) for name in ("angle", "speed"))
-        # share of a state's size that counts as nothing
+        # rounding error relative to a state
         if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > ALIKE):
             turn = 0.0
         torque = self.limits.torque / first.inertia
         if self.waits:
             rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
-            return rigid if first.still(start) else max(rigid, _SHARE / first.slowest, _LEAST)
+            return rigid if first.still(start) else max(rigid, _START_FRACTION / first.slowest, _LEAST)
         fast = max(abs(float(first.rows["speed"] @ z)) for z in (start, end))
         dash = 2.0 * turn / (fast + math.sqrt(fast**2 + 2.0 * torque * turn)) if turn > 0.0 else 0.0
-        return max(0.5 * dash, change / torque, _SHARE / first.slowest, _LEAST)
+        return max(0.5 * dash, change / torque, _START_FRACTION / first.slowest, _LEAST)
 
 
 def warn_of_turns(angle: float) -> None:
-    """Warn where a beam is to turn further than once round [rad]: that may be an angle in degrees."""
+    """Warn if an angle exceeds one revolution [rad]: it may be in degrees."""
     if abs(angle) > math.tau:
         warn_user(
             f"angle = {angle:g} rad: {angle / math.tau:.3g} turns; {angle:g} degrees (angle_deg = {angle:g} in"
@@ -241,7 +239,7 @@ def slew_problem(
     intervals: int | None = None,
     deadline: SlewDeadline | None = None,
 ) -> SlewProblem:
-    """Check and put together what is asked; the arguments are those of `optimal_slew`."""
+    """Check the arguments of `optimal_slew` and build the problem."""
     known("objective", objective, OBJECTIVES)
     if (duration is None) != (objective == "time"):
         raise ValueError(
@@ -252,7 +250,7 @@ def slew_problem(
     masses = tuple(nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg"))
     plants = _plants(h, masses)
     for kind, output in (("tip", "tip_displacement"), ("moment", "root_moment")):
-        limited = kind in limits.given or (kind == "tip" and OBJECTIVES[objective].bounds_tip)
+        limited = kind in limits.by_kind or (kind == "tip" and OBJECTIVES[objective].bounds_tip)
         if limited and kind not in plants[0].rows:
             raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
     turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
@@ -279,7 +277,7 @@ def slew_problem(
 
 
 def _plants(h: object, masses: tuple[float, ...]) -> tuple[SlewPlant, ...]:
-    """The plant and its like with other payloads; one that is there already would come to rest by itself."""
+    """Return the plant, and the plants with other payloads without duplicates."""
     first = plant_of(h)
     if not masses:
         return (first,)
@@ -296,12 +294,12 @@ def _end_conditions(
     initial: ArrayLike | None,
     final: ArrayLike | None,
 ) -> tuple[Array, Array, Array, bool]:
-    """Start, target, prescribed rows of the end, and whether the plant can wait at either."""
+    """Return start, target, prescribed rows of the end, and whether start or target is an equilibrium."""
     first = plants[0]
     if final is not None and final_speed != 0.0:
-        raise ValueError("final_state: expected None beside final_speed; give one of the two")
+        raise ValueError("final_state: expected None with final_speed; give one of the two")
 
-    def given(name: str, value: ArrayLike) -> Array:
+    def checked_state(name: str, value: ArrayLike) -> Array:
         x = finite_array(name, value, 1)
         if first.machine is not None:
             raise ValueError(f"{name}: expected None for a hub-beam, which begins at rest and ends in steady rotation")
@@ -309,12 +307,12 @@ def _end_conditions(
             raise ValueError(f"{name}: expected {first.n} numbers, one a state, got {x.size}")
         return first.from_state @ x
 
-    start = first.rest(0.0, 0.0) if initial is None else given("initial_state", initial)
+    start = first.rest(0.0, 0.0) if initial is None else checked_state("initial_state", initial)
     begin = float(first.rows["angle"] @ start)
     rested = first.rest(begin + (angle or 0.0), final_speed)
-    target = rested if final is None else given("final_state", final)
+    target = rested if final is None else checked_state("final_state", final)
     led = float(first.rows["angle"] @ target) - begin
-    # share of a limit by which given states may exceed it: rounding of what users print and read again
+    # rounding of printed states is accepted
     if final is not None and angle is not None and abs(led - angle) > ALIKE * max(abs(led), abs(angle)):
         raise ValueError(
             f"angle = {angle!r}: expected None or {first.with_unit('angle', f'{led:.9g}')}, as the final_state has it; "
@@ -331,7 +329,7 @@ def _end_conditions(
 
 
 def _check_feasible(problem: SlewProblem) -> None:
-    """Check what needs no search: a slew that leads somewhere, states within the limits, a rigid body's least times."""
+    """Check conditions that need no search: states differ and are within limits, a rigid body's least times."""
     (plant, own), T, limits = problem.parts[0], problem.duration, problem.limits
     alone = problem.start if T is None else problem.start + matrix_expm1(T * problem.A) @ problem.start
     scale = np.abs(problem.ends) @ np.maximum(np.abs(alone), np.abs(problem.target))
@@ -341,7 +339,7 @@ def _check_feasible(problem: SlewProblem) -> None:
         raise ValueError("duration: the plant comes to its end state by itself; expected a slew that needs a torque")
     last = "final_speed" if problem.final_speed else "final_state"
     for name, state, t in (("initial_state", problem.start, "0"), (last, problem.target, "t_f")):
-        for kind in (kind for kind in limits.given if kind in plant.rows):
+        for kind in (kind for kind in limits.by_kind if kind in plant.rows):
             size = abs(float(plant.rows[kind] @ state[own]))
             if size > limits.most(kind) * (1.0 + ALIKE):
                 raise SlewError(
@@ -365,13 +363,13 @@ def _check_duration(problem: SlewProblem, T: float, inertia: float) -> None:
     turn, change = (abs(float(plant.rows[name] @ (problem.target - problem.start)[own])) for name in ("angle", "speed"))
     if problem.angle is None or change or np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0):
         turn = 0.0
-    margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding alone where the plant is what it seems
+    margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding error only for a linear plant
     name, unit = plant.labels["angle"]
     around = f"{turn:g} {unit}" if unit else f"a change of {name} by {turn:g}"
     faster = f"a change of {plant.with_unit('speed', f'{change:g}')}"
     body = f"{inertia:.4g} kg m^2" if plant.labels is LABELS else f"inertia {inertia:.4g}"
     torque, rate, speed = (problem.limits.most(kind) for kind in ("torque", "torque_rate", "speed"))
-    # a rigid body's least times under a limit, and the limit that would do
+    # a rigid body's least times under a limit, and the limit that suffices
     for what, least, kind, needed in (
         (around, turn / speed, "speed", turn / T),
         (around, (32.0 * turn * inertia / rate) ** (1 / 3), "torque_rate", 32.0 * inertia * turn / T**3),

@@ -1,4 +1,4 @@
-"""The plan is played back by integrators that planning does not use, and judged."""
+"""Replay of a plan by integrators that planning does not use, and its evaluation."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,33 +16,33 @@ from boomctl.slew.problem import AT_LIMIT, SlewProblem
 from boomctl.slew.result import Replay
 from boomctl.slew.torque import TorqueProfile, lines_between
 
-_SAMPLES = 1000  # instants of a replay at least: pictures are drawn from them
-# times in a period of the fastest vibration, where motion is limited; `path_peak` interpolates between them
+_SAMPLES = 1000  # samples of a replay at least: resolution of the plots
+# samples in a period of the fastest vibration if motion is limited; `path_peak` interpolates between them
 _IN_PERIOD = 40
-_MOST_SAMPLES = 200_000  # instants of a replay at most: some seconds (a choice)
-_DIGITS = 12  # of steps over the duration, by which they differ otherwise than by rounding
-_AFTER = 96  # instants in one and a half of the slowest periods after the end; a choice
-_EXACT_MODES = 6  # of the geometrically exact beam; a choice
-_ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # of a replay that judges a plan to 1e-9
-_COARSE = {"rtol": 1e-5, "atol": 1e-7}  # of other models, which differ by more
+_MOST_SAMPLES = 200_000  # samples of a replay at most: limits its run time to some seconds
+_DIGITS = 12  # decimals of steps over the duration beyond which they differ by rounding error only
+_AFTER = 96  # samples in 1.5 slowest periods after the end
+_EXACT_MODES = 6  # modes of the geometrically exact beam
+_ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # solver tolerances of a replay, to evaluate a plan to 1e-9
+_COARSE = {"rtol": 1e-5, "atol": 1e-7}  # solver tolerances for other models, whose differences are larger
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What a plant does under a torque.
+    """Motion of a plant under a torque.
 
     Attributes
     ----------
     time : ndarray, k
-        s; up to the end of the torque.
+        Time points up to the end of the torque, s.
     states : ndarray, k x n
-        In the plant's own order.
+        States of the plant.
     coordinates : ndarray, k x n
-        Those of the planning.
+        Coordinates of the planning.
     residual_energy : float or None
-        J.
+        Energy of the deviation from steady rotation at the end, J.
     small_deformation_until : float
-        Instant at which a beam's tip first exceeds a tenth of its length, s; inf if it never does.
+        Time at which a beam's tip first exceeds a tenth of its length, s; inf if it never does.
     """
 
     time: Array
@@ -54,45 +54,45 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A torque before it is judged; what is known of its optimality, and how it was found.
+    """A torque before certification, with its optimality and the method that computed it.
 
     Attributes
     ----------
     history : TorqueProfile
     method : str
     gap : float
-        Distance from the least cost there is, relative; infinite where nothing tells it.
+        Relative optimality gap; infinite if unknown.
     optimality : str
-    programme, solution : object or None
-        Of a programme that was solved.
+    program, solution : object or None
+        Nonlinear program and its solution, if one was solved.
     motions : tuple of Motion or None
-        The replay; None where it was not replayed.
+        Replay of all plants; None before it.
     stages : tuple of str
-        What was tried, in words.
+        Methods used, as text.
     """
 
     history: TorqueProfile
     method: str
     gap: float
     optimality: str
-    programme: Any = None
+    program: Any = None
     solution: Any = None
     motions: tuple[Motion, ...] | None = None
     stages: tuple[str, ...] = ()
 
 
 def played(problem: SlewProblem, history: TorqueProfile) -> tuple[Motion, ...]:
-    """Play a torque back on all plants of a problem; where their motion is limited, every vibration is seen."""
+    """Simulate all plants of a problem under a torque; limited motion is sampled at the rate of the fastest vibration."""
     samples, widths = _SAMPLES, np.diff(history.edges)
-    if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.beside_torque) - {"torque_rate"}:
+    if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.without_torque) - {"torque_rate"}:
         turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
         if _IN_PERIOD * turns > _MOST_SAMPLES:
             warn_user(
-                f"limits of the motion are judged at {_MOST_SAMPLES / turns:.2g} instants in a period of the fastest"
-                " vibration: between them it may exceed them; fewer modes or a shorter slew are judged closely"
+                f"limits of the motion are checked at {_MOST_SAMPLES / turns:.2g} times in a period of the fastest"
+                " vibration: between them it may exceed the limits; use fewer modes or a shorter slew"
             )
         samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
-    counts = np.ceil(samples * widths / history.duration * (1.0 - SUMMED)).astype(int)  # but for rounding
+    counts = np.ceil(samples * widths / history.duration * (1.0 - SUMMED)).astype(int)  # less rounding error
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     t = np.append(np.repeat(history.edges[:-1], counts) + within * np.repeat(widths / counts, counts), history.duration)
     motions = []
@@ -108,10 +108,10 @@ def played(problem: SlewProblem, history: TorqueProfile) -> tuple[Motion, ...]:
 
 
 def _linear_motion(plant: SlewPlant, history: TorqueProfile, start: Array, times: Array) -> Array:
-    """States of a linear plant at instants that include the edges of the torque; exact but for rounding."""
+    """Return the states of a linear plant, to rounding error, at times that include the edges of the torque."""
     first, last, _ = lines_between(history, times)
     widths, states = np.diff(times), [start[None]]
-    # steps that differ by rounding alone are equally long: their mean
+    # steps that differ by rounding error are replaced by their mean
     _, kind = np.unique(np.round(widths / times[-1], _DIGITS), return_inverse=True)
     means = np.bincount(kind, widths) / np.bincount(kind)
     for run in np.split(np.arange(kind.size), np.flatnonzero(np.diff(kind)) + 1):
@@ -121,7 +121,7 @@ def _linear_motion(plant: SlewPlant, history: TorqueProfile, start: Array, times
 
 
 def prescribed_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float:
-    """Largest miss of the prescribed end, each condition over its largest size on the way."""
+    """Return the largest residual of the end conditions, each relative to its largest value along the motion."""
     end = np.concatenate([motion.coordinates[-1] for motion in motions])
     sizes = np.concatenate([np.abs(motion.coordinates).max(axis=0) for motion in motions])
     scale = np.abs(problem.ends) @ np.maximum(sizes, np.abs(problem.target))
@@ -130,9 +130,9 @@ def prescribed_error(problem: SlewProblem, motions: tuple[Motion, ...]) -> float
 
 
 def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, float]:
-    """What is left of the axial motion of beams, which planning does not prescribe, by the names of its states.
+    """Return the residual axial motion of beams, which planning does not prescribe, by state.
 
-    Each deviation from steady rotation over its state's largest size on the way.
+    It is the deviation from steady rotation, relative to the largest value of the state along the motion.
     """
     result = {}
     for k, (plant, motion) in enumerate(zip(problem.plants, motions, strict=True)):
@@ -148,13 +148,13 @@ def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, 
 def _followed(
     problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]
 ) -> dict[str, tuple[float, Array, Array]]:
-    """Limit, instants and absolute values of all that is limited; the largest of all plants."""
+    """Return limit, times and absolute values of all limited quantities, for the plant with the largest value."""
     peaks = np.maximum(np.abs(history.start_values), np.abs(history.end_values))
     values = {"torque": (problem.limits.torque, history.edges[:-1], peaks)}
-    for kind, limit in problem.limits.beside_torque.items():
+    for kind, limit in problem.limits.without_torque.items():
         if kind == "torque_rate":
-            slopes = np.abs((history.end_values - history.start_values) / np.diff(history.edges))
-            values[kind] = (limit, history.edges[:-1], slopes)
+            rates = np.abs((history.end_values - history.start_values) / np.diff(history.edges))
+            values[kind] = (limit, history.edges[:-1], rates)
             continue
         sizes = [
             np.abs(motion.coordinates @ plant.rows[kind]) for motion, plant in zip(motions, problem.plants, strict=True)
@@ -179,7 +179,7 @@ def violation(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motio
 
 
 def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
-    """Limits that are met within 0.1 %, and the first instant of it, s."""
+    """Return limits that are reached within 0.1 %, and the first time of it, s."""
     result = {}
     for kind, (limit, t, size) in _followed(problem, history, motions).items():
         met = np.flatnonzero(size >= AT_LIMIT * limit)
@@ -189,7 +189,7 @@ def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion,
 
 
 def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, ...]:
-    """Play a torque back with the other payloads, on FOAM and on the geometrically exact beam."""
+    """Simulate a torque with the other payloads, on FOAM and on the geometrically exact beam."""
     machine = problem.plants[0].machine
     if machine is None:
         return ()

@@ -1,4 +1,4 @@
-"""What a planned slew returns, and what is raised when none can be vouched for."""
+"""Results of planned slews, with their certificates."""
 
 from __future__ import annotations
 
@@ -24,22 +24,22 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Replay:
-    """What a model does under the planned torque, by an integrator that the planning does not use.
+    """Response of a model to the planned torque, by an integrator that planning does not use.
 
     Attributes
     ----------
     model : str
         Name of the model.
     tip_mass : float or None
-        The tip mass, where it is another than the planned one [kg].
+        Tip mass, if it differs from the planned one [kg].
     angle_error : float
-        Hub angle at the end less the wanted one [rad]; 0 where the angle is free.
+        Error of the hub angle at the end [rad]; 0 if the angle is free.
     speed_error : float
-        Hub speed at the end less the wanted one [rad/s].
+        Error of the hub speed at the end [rad/s].
     residual_vibration : float
         Largest tip displacement in the 1.5 slowest periods after the end [m].
     residual_energy : float or None
-        Energy of the deviation from steady rotation at the wanted speed [J].
+        Energy of the deviation from steady rotation at the prescribed speed [J].
 
     Examples
     --------
@@ -63,32 +63,32 @@ class Replay:
 
 @dataclass(frozen=True)
 class SlewCertificate:
-    """How close a slew is to what was asked and to the best there is, computed apart from its planning.
+    """Verified errors and optimality of a slew, computed independently of its planning.
 
     Attributes
     ----------
     method : str
         "switching times", "least effort" or "collocation".
     terminal_error : float
-        Largest deviation of the end state in the replay, of all coordinates of the model, each relative to its largest size
-        on the way.
+        Largest deviation from the terminal state in the replay, over all coordinates, each relative to its largest value
+        along the motion.
     prescribed_terminal_error : float
-        The same for what planning prescribes: all but axial motion. This is held to the tolerance.
+        The same for the prescribed coordinates, all except axial motion. At most `rtol`.
     free_terminal_errors : dict of str to float
         The same for the axial coordinates and rates of a beam, which planning leaves free, by their names.
     constraint_violation : float
         Largest relative excess over any limit in the replay, local maxima between its times included; 0 if there is none.
     active_constraints : dict of str to float
-        Limits that are met within 0.1 %, and the first instant at which they are, s.
+        Limits that are reached within 0.1 %, and the first time at which they are, s.
     optimality_gap : float
-        Distance from the least cost there is, relative; what it rests on stands in ``optimality_status``.  With axial modes
-        it is that of the same beam without them, which is planned.
+        Relative difference from the least cost, in the sense of ``optimality_status``.  With axial modes it is the gap of
+        the same beam without them, as planned.
     optimality_status : str
         "proved": a duality bound or Pontryagin's principle on a convex problem; "extremal": Pontryagin's conditions hold on
-        a problem that is not convex; "stationary": the conditions of an optimum hold on the mesh, and the gap is
-        that of halving the mesh, where one mesh of least effort was asked for to first order.
+        a problem that is not convex; "stationary": the optimality conditions hold on the mesh, and the gap is the change
+        of the cost on another mesh, to first order for minimum effort on a specified mesh.
     n_switches : int or None
-        Number of sign changes of a bang-bang torque.
+        Number of switches of a bang-bang torque; None for other torques.
     intervals : int or None
         Number of intervals of the mesh; None without one.
 
@@ -123,7 +123,7 @@ class SlewCertificate:
 
     @property
     def summary(self) -> str:
-        """What is known about the optimum, in words."""
+        """Statement on the optimality of the slew."""
         return f"{self._optimum}; of the beam without axial modes" if self.free_terminal_errors else self._optimum
 
     @property
@@ -136,52 +136,51 @@ class SlewCertificate:
             return f"Pontryagin's conditions hold{within}, on a problem that is not convex"
         mesh = f"stationary on its mesh of {self.intervals} intervals"
         if gap == float("inf"):
-            return f"{mesh}; no other mesh tells how near that is to the best"
+            return f"{mesh}; no other mesh to estimate the optimality gap"
         return f"{mesh}; one half or twice as fine changes the cost by {gap:.0e}"
 
 
 @dataclass(frozen=True, eq=False)
 class SlewResult(Summarized, TimeSeries):
-    """A slew: the torque, what the plant does under it, and the certificate.
+    """Planned slew: torque, motion and certificate.
 
     Attributes
     ----------
     objective : str
-        What was made small: "time", "effort", "jerk", "torque-rate" or "tip".
+        Minimized quantity: "time", "effort", "jerk", "torque-rate" or "tip".
     duration : float
-        How long the slew takes [s].
+        Duration of the slew [s].
     cost : float
         Value of the objective: s for "time", N^2 m^2 s for "effort", rad^2/s^5 for "jerk", N^2 m^2/s for "torque-rate",
-        m for "tip".  Of a linear system other than a hub-beam's, all of these are in the units of its own signals.
+        m for "tip".  For a linear system with other signal names, in the units of its signals.
     time : ndarray, k
-        Instants of the dense replay, s.
+        Times of the dense replay, s.
     torque, hub_angle, hub_speed : ndarray, k
-        Torque [N m], hub angle [rad] and hub speed [rad/s] then.
+        Torque [N m], hub angle [rad] and hub speed [rad/s] at these times.
     tip_displacement : ndarray, k, or None
-        Tip displacement [m]; None of a linear system without an output of this name.
+        Tip displacement [m]; None for a linear system without an output of this name.
     root_moment : ndarray, k, or None
-        Bending moment at the clamp [N m]; None likewise.
+        Bending moment at the clamp [N m]; None for a linear system without an output of this name.
     states : ndarray, k x n
-        States of the plant, in its own order.
+        States of the plant.
     residual_energy : float or None
-        Energy left after the end [J]; None of a linear system.
+        Energy of the deviation from steady rotation after the end [J]; None for a linear system.
     terminal_error : float
-        Largest relative deviation of the end state, as in the certificate: of all coordinates of the model, also of
-        those that planning does not prescribe.
+        Largest relative deviation from the terminal state, as in the certificate: over all coordinates of the model,
+        including those that planning does not prescribe.
     certificate : SlewCertificate
-        How close the slew is to what was asked and to the best there is.
+        Verified errors and optimality.
     torque_profile : TorqueProfile
         The torque as a function of time.
     plan : object
-        What `replan` and `track` start from.
+        Data for `replan` and `track`.
     stages : tuple of str
-        The ways that were tried to find it, in order, each in words; the last one found it.
+        Methods used, in order; the last one computed the slew.
     small_deformation_until : float
-        Instant at which the tip of a hub-beam first exceeds a tenth of its length [s], up to one and a half of the slowest
-        periods after the end: beyond it, only the geometrically exact model holds. inf if it never does, and of a linear
-        system, whose length nobody says.
+        Time at which the tip of a hub-beam first exceeds a tenth of its length [s], up to 1.5 slowest periods after the
+        end: later, only the geometrically exact model is valid. inf if it never does, and for a linear system.
     elapsed : float
-        Time that the search took, its replay included [s].
+        Run time of the search, including the replay [s].
     """
 
     _made_by = "optimal_slew(...)"
@@ -230,22 +229,22 @@ class SlewResult(Summarized, TimeSeries):
 
     @property
     def _labels(self) -> Mapping[str, tuple[str, str]]:
-        """Names and units of what it is said in, by kind."""
+        """Names and units of the quantities, by kind."""
         return LABELS if self.plan is None else self.plan.problem.plants[0].labels
 
     @property
     def success(self) -> bool:
-        """Whether the search ended by itself; False where time ran out before the cost was known to be that of any mesh."""
+        """True if the search terminated normally; False if the time limit stopped mesh refinement."""
         return self.certificate.optimality_status != "stationary" or "out of time" not in "; ".join(self.stages)
 
     @property
     def nit(self) -> int | None:
-        """Iterations of the solver on the final mesh; None where the torque was found without one."""
+        """Iterations of the solver on the final mesh; None without a nonlinear program."""
         return getattr(getattr(self.plan, "solution", None), "nit", None)
 
     @property
     def title(self) -> str:
-        """The objective in words, as "minimum time"."""
+        """Name of the objective, such as "minimum time"."""
         return OBJECTIVES[self.objective].title
 
     @cached_property
@@ -254,14 +253,14 @@ class SlewResult(Summarized, TimeSeries):
         return self._others()
 
     def replay(self) -> tuple[Replay, ...]:
-        """Play the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
+        """Simulate the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
 
-        Any other beam plays it by ``beam.simulate(slew)``, and returns its whole motion.
+        For other beams use ``beam.simulate(slew)``, which returns the motion.
 
         Returns
         -------
         tuple of Replay
-            One for each: how far it is off at the end, and how much it vibrates then.  None of a linear system.
+            Errors at the end and residual vibration of each model; empty for a linear system.
 
         Examples
         --------
@@ -290,46 +289,46 @@ class SlewResult(Summarized, TimeSeries):
         disturbance: float | None = None,
         stiffness_uncertainty: float = 0.1,
     ) -> TrackedSlew:
-        """Return the slew with feedback along it: a time-varying LQR, or LQG, about its trajectory.
+        """Design feedback along the slew: a time-varying LQR, or LQG, about its trajectory.
 
-        The plan's torque is the feedforward, and what is measured is compared with the plan.  The nonlinear model is
-        linearized along the plan, sampled as the torque is held; Riccati's recursion runs back from the rest at the end.
+        The plan's torque is the feedforward, and measurements are compared with the plan.  The nonlinear model is linearized
+        along the plan and sampled with the torque held; the Riccati recursion runs backward from the rest at the end.
 
         Parameters
         ----------
         sample_time : float
-            Between samples [s]; rounded such that the slew has a whole number of them.
+            Sample time [s]; rounded to an integer number of samples of the slew.
         torque_limit : float, optional
-            Largest torque of plan and feedback together [N m]; by default half as much again as that of the planning. A
-            slew of least time takes all that it is planned with, so plan it with less than there is.
+            Largest torque of plan and feedback together [N m]; by default 1.5 times that of the planning. A minimum-time
+            slew uses all of its planning limit, so plan it with less torque than is available.
         dwell_time : float, optional
-            Time for which the end is held [s]; by default four of the slowest periods.
+            Time for which the terminal state is held [s]; by default four slowest periods.
         measurements : str or sequence of str, optional
-            Outputs of the machine that are read, as :func:`boomctl.simulate_loop` names them; by default all states.
+            Measured outputs of the machine, as named by :func:`boomctl.simulate_loop`; by default all states.
         sensors : sequence of BeamSensor
             Further outputs.
         noise : float or mapping from measurement to float, optional
             Standard deviation of each measurement, at each sample.
         tracking_weight : float
-            Weight of the deviations of hub angle, tip and their rates over the span of each in the plan, squared, beside
-            that of the torque over its limit; larger follows more tightly.
+            Weight of the squared deviations of hub angle, tip and their rates, over their spans in the plan, relative to the
+            weight of the squared torque over its limit. Larger weights reduce the tracking error.
         integral_time : float, optional
-            Time in which a constant torque that disturbs is made out and balanced [s]; None: it is not.
+            Time constant of the estimate and compensation of a constant disturbance torque [s]. If None, disabled.
         disturbance : float, optional
-            Standard deviation of a torque that the observer takes to disturb, anew at each sample [N m]; by default 10 % of
-            the largest torque.
+            Standard deviation of the disturbance torque assumed by the observer, independent at each sample [N m]; by
+            default 10 % of the largest torque.
         stiffness_uncertainty : float
-            Share by which the observer takes the stiffness to be wrong.
+            Relative stiffness error assumed by the observer.
 
         Returns
         -------
         TrackedSlew
-            ``.simulate()`` follows the slew, ``.monte_carlo()`` many times, by machines that differ.
+            ``.simulate()`` simulates the tracked slew, ``.monte_carlo()`` many times with random machine parameters.
 
         Raises
         ------
         TypeError, ValueError
-            Arguments of another kind or out of range; a slew of a linear system.
+            If an argument has the wrong type or is out of range, or the slew is that of a linear system.
 
         Examples
         --------
@@ -341,7 +340,7 @@ class SlewResult(Summarized, TimeSeries):
           torque: 160 N m planned of 200
           stable at the end, the slowest pole in 1.56 s
         """
-        from boomctl.slew.tracked import tracked_slew  # which only a slew that is followed needs
+        from boomctl.slew.tracked import tracked_slew  # imported here: only tracking needs it
 
         if self.plan is None:
             raise ValueError("slew: expected one that was planned by optimal_slew")
@@ -368,8 +367,8 @@ class SlewResult(Summarized, TimeSeries):
         return {"torque": self.torque}
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
-        own = self._labels is not LABELS  # units of its own, which nobody says
+        """Return the metrics of a comparison."""
+        own = self._labels is not LABELS  # unspecified units
         result = {
             "duration [s]": self.duration,
             f"{self._labels['torque'][0]}: peak{'' if own else ' [N m]'}": self.torque_profile.peak,
@@ -382,19 +381,19 @@ class SlewResult(Summarized, TimeSeries):
         return result | {"end error": self.terminal_error}
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw torque, hub and tip over time, with the limits near them.
+        """Draw torque, hub and tip over time, with limits that are nearly reached.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: torque, hub angle, hub speed, tip displacement and root moment, those that there are; by default
-            a new figure of pyplot.
+            Axes to draw on: torque, hub angle, hub speed, tip displacement and root moment, if available. If None, a new
+            figure is created.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the line labels.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.slew").plot_slew(self, ax, **style)

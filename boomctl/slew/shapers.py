@@ -1,8 +1,8 @@
-"""Classical slews under a torque limit: a rigid body's bang-bang, its smooth form, and both shaped against one vibration.
+"""Classical slews under a torque limit: a rigid body's bang-bang, its smooth form, and both with input shaping.
 
-A shaper is a train of impulses by which a command is convolved: ZV and ZVD (Singer & Seering 1990), EI (Singhose, Seering
-& Singer 1994). Shaping a torque keeps its integrals of first and second order if the amplitudes add up to one, so it still
-brings a rigid body to the same angle; what it adds is the length of the train.
+A shaper is a train of impulses with which a command is convolved: ZV and ZVD (Singer & Seering 1990), EI (Singhose, Seering
+& Singer 1994). Shaping a torque keeps its integrals of first and second order if the amplitudes add up to one, so a
+rigid body still reaches the same angle; the duration increases by the length of the train.
 """
 
 import math
@@ -17,25 +17,25 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
 from boomctl.slew.plant import SlewMachine, is_machine, plant_of
-from boomctl.slew.torque import APART, TorqueProfile, held
+from boomctl.slew.torque import TIME_RTOL, TorqueProfile, held
 from boomctl.threads import one_blas_thread
 
-_RISE = 0.1  # share of the duration in which a smoothed bang-bang rises: as Junkins, Rahman and Bang (1991)
-_INTERVALS = 200  # on which a smooth torque is held: its steps are a hundredth of the limit
+_RISE = 0.1  # rise time of a smoothed bang-bang over the duration, as in Junkins, Rahman and Bang (1991)
+_INTERVALS = 200  # intervals on which a smooth torque is held: its steps are about a hundredth of the limit
 
 
 @dataclass(frozen=True, eq=False)
 class Shaper:
-    """A train of impulses that shapes a torque, so that it leaves little of one vibration.
+    """Input shaper: a train of impulses that reduces the residual vibration of one mode.
 
     Attributes
     ----------
     name : str
         "none", "ZV", "ZVD" or "EI".
     times : ndarray
-        Instants of the impulses [s]; the first is 0.
+        Times of the impulses [s]; the first is 0.
     amplitudes : ndarray
-        Their sizes; they add up to one.
+        Amplitudes of the impulses; their sum is one.
     """
 
     _made_by = "slew.input_shaper(...)"
@@ -47,24 +47,24 @@ class Shaper:
     __repr__ = compact
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw the impulses over time, and what vibration of other frequencies they leave.
+        """Draw the impulses over time, and the residual vibration over frequency.
 
         Parameters
         ----------
         ax : sequence of two matplotlib Axes, or a figure, optional
-            Where to draw: impulses and vibration left; by default a new figure of pyplot.
+            Axes to draw on: impulses and residual vibration. If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.slew").plot_shaper(self, ax, **style)
 
     def residual_vibration(self, omega: float, damping_ratio: float = 0.0) -> float:
-        """Return the vibration that is left after the train, as a share of that after one impulse.
+        """Return the residual vibration after the train, relative to that after one impulse.
 
         Parameters
         ----------
@@ -76,7 +76,7 @@ class Shaper:
         Returns
         -------
         float
-            0 where nothing is left, 1 where the train does no better than one impulse.
+            0 without residual vibration, 1 if the train has no effect.
         """
         s = -damping_ratio * omega + 1j * omega * math.sqrt(1.0 - damping_ratio**2)
         return float(abs(np.sum(self.amplitudes * np.exp(s * (self.times[-1] - self.times)))))
@@ -88,7 +88,7 @@ _TRAINS: dict[str, Callable[[float, float], list[float]]] = {
     "ZVD": lambda K, level: [1.0, 2.0 * K, K**2],
     "EI": lambda K, level: [0.25 * (1.0 + level), 0.5 * (1.0 - level) * K, 0.25 * (1.0 + level) * K**2],
 }
-"""Amplitudes of impulses half a damped period apart, K the decay in that time; before they are scaled to a sum of one."""
+"""Amplitudes of impulses at half the damped period, K the decay in that time; before scaling to a sum of one."""
 
 
 @one_blas_thread
@@ -105,13 +105,13 @@ def input_shaper(name: str, omega: float | SlewMachine, damping_ratio: float = 0
     damping_ratio : float
         Damping ratio of the vibration, below 1; of a hub-beam that of the mode.
     level : float
-        Of EI: the vibration that it tolerates at the frequency itself, as a share. Without damping it is exact; with little
-        damping it is the usual approximation, the amplitudes weighted by the decay.
+        Relative residual vibration of EI at the frequency itself. Without damping it is exact; with light damping it is the
+        usual approximation, with amplitudes weighted by the decay.
 
     Returns
     -------
     Shaper
-        Instants and sizes of the impulses.
+        Times and amplitudes of the impulses.
 
     Raises
     ------
@@ -132,9 +132,7 @@ def input_shaper(name: str, omega: float | SlewMachine, damping_ratio: float = 0
     known("shaper", name, _TRAINS)
     if is_machine(omega):
         if damping_ratio:
-            raise ValueError(
-                f"damping_ratio = {damping_ratio!r}: expected none beside a hub-beam, whose mode has its own"
-            )
+            raise ValueError(f"damping_ratio = {damping_ratio!r}: expected none for a hub-beam, which has its own")
         omega, damping_ratio = plant_of(omega).vibration
     zeta = nonnegative("damping_ratio", damping_ratio)
     if zeta >= 1.0:
@@ -202,7 +200,7 @@ def rest_to_rest_torque(
         T = math.sqrt(2.0 * math.pi * turn * positive("inertia", inertia) / limit)
         edges = np.linspace(0.0, T, _INTERVALS + 1)
         impulse = -np.cos(2.0 * np.pi * edges / T) / (2.0 * np.pi / T)
-        values = np.diff(impulse) / np.diff(edges)  # means: the impulse is kept
+        values = np.diff(impulse) / np.diff(edges)  # means: they preserve the impulse
         values *= turn * inertia / (limit * _turned(edges, values))
     return _convolved(edges, sign * limit * values, shaper)
 
@@ -214,8 +212,8 @@ def spin_up_torque(profile: str, shaper: Shaper, speed: float, inertia: float, t
     Parameters
     ----------
     profile : str
-        "constant"; or "smooth", ``1 - cos(2 pi t / T)``: what the hub's motion of Bai et al. (2009), Eq. (43), asks of a
-        rigid body.
+        "constant"; or "smooth", ``1 - cos(2 pi t / T)``: the torque of a rigid body for the hub motion of Bai et al.
+        (2009), Eq. (43).
     shaper : Shaper
         What `input_shaper` returns.
     speed : float
@@ -252,12 +250,12 @@ def spin_up_torque(profile: str, shaper: Shaper, speed: float, inertia: float, t
     else:
         edges = np.linspace(0.0, 2.0 * least, _INTERVALS + 1)
         phase = np.pi * edges / least
-        values = 0.5 * np.diff(phase - np.sin(phase)) / np.diff(phase)  # means: the impulse is kept
+        values = 0.5 * np.diff(phase - np.sin(phase)) / np.diff(phase)  # means: they preserve the impulse
     return _convolved(edges, math.copysign(limit, speed) * values, shaper)
 
 
 def _smoothed() -> tuple[Array, Array]:
-    """A smoothed bang-bang of unit duration and limit, held on equal intervals."""
+    """Return a smoothed bang-bang of unit duration and limit, held on equal intervals."""
     edges = np.linspace(0.0, 1.0, _INTERVALS + 1)
     middle = 0.5 * (edges[1:] + edges[:-1])
 
@@ -270,18 +268,18 @@ def _smoothed() -> tuple[Array, Array]:
 
 
 def _turned(edges: Array, values: Array) -> float:
-    """Twice integrated from rest."""
+    """Return the double integral from rest."""
     speed = np.concatenate([[0.0], np.cumsum(np.diff(edges) * values)])
     return float(np.trapezoid(speed, edges))
 
 
 def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueProfile:
-    """A torque held on intervals, repeated with each impulse's delay and amplitude."""
+    """Return a torque held on intervals, convolved with the impulses."""
     jumps = np.diff(np.concatenate([[0.0], values, [0.0]]))
     times = (edges[None, :] + train.times[:, None]).ravel()
     steps = (train.amplitudes[:, None] * jumps[None, :]).ravel()
     order = np.argsort(times, kind="stable")
     ascending = times[order]
-    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > APART * ascending[-1])
+    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > TIME_RTOL * ascending[-1])
     total = np.add.reduceat(steps[order], first)
     return held(ascending[first], np.cumsum(total)[:-1])

@@ -1,4 +1,4 @@
-"""A torque as a function of time: constant or a straight line on each of its intervals."""
+"""Piecewise constant or piecewise linear torque as a function of time."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from boomctl.printing import count
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-APART = 1e-12  # share of the duration below which two instants are one: rounding
-_SWITCH = 0.5  # share of the peak either side of a switch: an arc of a bang-bang torque has all of it (a choice)
+TIME_RTOL = 1e-12  # fraction of the duration below which two times differ by rounding error only
+_SWITCH = 0.5  # fraction of the peak that a torque reaches on both sides of a switch
 
 
 @dataclass(frozen=True, eq=False)
 class TorqueProfile:
-    """A torque that is a straight line on each of N intervals, and zero outside them.
+    """Torque that is linear on each of N intervals, and zero outside them.
 
     Attributes
     ----------
     edges : ndarray, N + 1
-        Instants at which the intervals meet [s]; ascending, the first is 0.
+        Boundaries of the intervals [s]; ascending, the first is 0.
     start_values, end_values : ndarray, N
         Torque at the beginning and at the end of each interval [N m].
     unit : str
-        Its unit in words and pictures: "N m", or nothing of a linear system that does not say its own.
+        Unit for texts and plots: "N m", or empty for a linear system with unspecified units.
     """
 
     edges: Array
@@ -45,7 +45,7 @@ class TorqueProfile:
         return f"TorqueProfile: {self.duration:.6g} s, up to {f'{self.peak:.6g} {self.unit}'.rstrip()}; {parts}"
 
     def __call__(self, t: ArrayLike) -> Array:
-        """Torque at instants t [s], N m; where it jumps, the value after the jump, and at the end the last one."""
+        """Return the torque at times t [s], N m; the value after a jump, and at the end the last one."""
         t = plain_array("t", t)
         k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.start_values.size - 1)
         along = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
@@ -58,27 +58,27 @@ class TorqueProfile:
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         **style
-            Of the curve, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         return import_module("boomctl.plotting.slew").plot_torque(self, ax, **style)
 
     @property
     def duration(self) -> float:
-        """Instant at which the torque ends, s."""
+        """Time at which the torque ends, s."""
         return float(self.edges[-1])
 
     @property
     def switching_times(self) -> Array:
-        """Instants at which the torque jumps from at least half of its peak to at least half of it the other way, s.
+        """Times at which the torque jumps from at least half of its peak to at least half of it of opposite sign, s.
 
-        Other changes of the sign, as on the steps of a mesh on which a smooth torque goes through zero, are no switches.
+        Other sign changes, such as zero crossings of a smooth torque held on a mesh, are not switches.
         """
         before, after, enough = self.end_values[:-1], self.start_values[1:], _SWITCH * self.peak
         jumps = (before * after < 0.0) & (np.minimum(np.abs(before), np.abs(after)) >= enough)
@@ -86,7 +86,7 @@ class TorqueProfile:
 
     @property
     def breakpoints(self) -> tuple[float, ...]:
-        """Instants at which torque or slope jump, s."""
+        """Times at which the torque or its derivative is discontinuous, s."""
         return tuple(float(t) for t in self.edges[1:])
 
     @property
@@ -96,7 +96,7 @@ class TorqueProfile:
 
     @property
     def max_rate(self) -> float:
-        """Largest absolute slope, N m/s; infinite where the torque jumps, be it at its ends."""
+        """Largest absolute derivative, N m/s; infinite if the torque jumps, including at its ends."""
         if (
             np.any(self.end_values[:-1] != self.start_values[1:])
             or self.start_values[0] != 0.0
@@ -117,17 +117,17 @@ class TorqueProfile:
         return float(np.sum(np.diff(self.edges) * 0.5 * (self.start_values + self.end_values)))
 
     def interval_means(self, t: Array) -> Array:
-        """Return the mean torque between neighboring instants.
+        """Return the mean torque between neighboring times.
 
         Parameters
         ----------
         t : (k,) ndarray
-            Instants within the duration, ascending [s].
+            Times within the duration, ascending [s].
 
         Returns
         -------
         (k - 1,) ndarray
-            Mean torque from each instant to the next [N m].
+            Mean torque from each time to the next [N m].
         """
         t, widths = plain_array("t", t), np.diff(self.edges)
         whole = np.concatenate([[0.0], np.cumsum(0.5 * widths * (self.start_values + self.end_values))])
@@ -143,23 +143,23 @@ def held(edges: Array, values: Array) -> TorqueProfile:
 
 
 def ramped(edges: Array, values: Array) -> TorqueProfile:
-    """Return a continuous torque, straight between its values [N m] at the edges [s]."""
+    """Return a continuous torque, linear between its values [N m] at the edges [s]."""
     return TorqueProfile(np.asarray(edges, dtype=float), np.array(values[:-1]), np.array(values[1:]))
 
 
 def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> TorqueProfile:
-    """Return a torque of constant size that changes its sign at switches [s] and ends at a duration [s].
+    """Return a torque of constant modulus that changes its sign at switches [s] and ends at a duration [s].
 
     Parameters
     ----------
     switches : ndarray, m
-        Ascending, within the duration; between them are the arcs.
+        Switching times, ascending, within the duration.
     duration : float
-        s.
+        Duration, s.
     limit : float
-        The size, N m.
+        Modulus, N m.
     sign : float
-        Of the first arc.
+        Sign of the first arc.
     """
     values = sign * limit * (-1.0) ** np.arange(switches.size + 1)
     return held(np.concatenate([[0.0], switches, [duration]]), values)
@@ -168,7 +168,7 @@ def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> To
 def lines_between(history: TorqueProfile, time: Array) -> tuple[Array, Array, Array]:
     """Return the torque at the start and at the end of each step between neighboring times, and its slope there.
 
-    The times include the edges of the torque, at which it may jump: the values are those within the step.
+    The times include the edges of the torque, at which it may jump: the values are limits from within the step.
     """
     middle = 0.5 * (time[1:] + time[:-1])
     k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.start_values.size - 1)

@@ -1,4 +1,4 @@
-"""A slew with feedback along it: the controller, and what a machine does under it."""
+"""Tracked slews: the controller along a plan, and simulations with it."""
 
 from __future__ import annotations
 
@@ -44,49 +44,49 @@ from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
-_FEWEST = 8  # samples of a slew at least: fewer would not follow it
-_SETTLE = 4.0  # slowest periods for which the plant is followed after the end, unless it is said how long
-_JUDGED = 1.5  # slowest periods after the end in which a vibration is looked for, as after every other slew
-_RESERVE = 1.5  # largest torque over that of the planning, unless it is said: a slew of least time leaves none
-_DISTURBED = 0.1  # share of the largest torque by which an observer takes it to be disturbed (a choice)
-_LEAST_WEIGHT = 1e-9  # of errors beside the torque, and one over the largest: beyond, digits are lost (a choice)
-_MOST_SAMPLES = 1e5  # of a slew: each has a matrix of its own (a choice)
-_MOST_RUNS = 100_000  # of a study: more do not fit into the memory (a choice)
-_KEPT = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")  # outputs of all runs
-_CREEP = 0.01  # hub speed at which friction is three quarters of its torque [rad/s]: a hundredth of a slew's (a choice)
+_FEWEST = 8  # samples of a slew at least: fewer would not resolve it
+_SETTLE = 4.0  # default dwell time in slowest periods
+_VIBRATION_PERIODS = 1.5  # slowest periods after the end in which the residual vibration is evaluated, as for all slews
+_RESERVE = 1.5  # default torque limit over that of the planning: a minimum-time slew leaves no reserve
+_DISTURBED = 0.1  # default standard deviation of the disturbance torque of the observer, over the torque limit
+_LEAST_WEIGHT = 1e-9  # smallest tracking weight, and inverse of the largest: conditioning of the Riccati equation
+_MOST_SAMPLES = 1e5  # samples of a slew at most: limits the memory for the time-varying matrices
+_MOST_RUNS = 100_000  # runs of a study at most: limits its memory
+_OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement", "root_moment")  # stored outputs of all runs
+_CREEP = 0.01  # hub speed at which friction is three quarters of its torque [rad/s]: about 1 % of a slew's
 
 
 @dataclass(frozen=True, repr=False, eq=False)
 class TrackedSlew:
-    """A planned slew, and the feedback that holds a machine to it.
+    """Planned slew with tracking feedback.
 
     Attributes
     ----------
     controller : TimeVaryingController
-        Of deviations from the plan, for :func:`boomctl.simulate_loop` with ``reference`` and ``feedforward``.
+        Controller of the deviations, for :func:`boomctl.simulate_loop` with ``reference`` and ``feedforward``.
     gains : ndarray, (k + 1) x n
-        Those of the regulator at each sample of the slew, on the machine's states; the last one stays.
+        State feedback gains at the samples of the slew, on the machine's states; the last one is held.
     time : ndarray, N
-        Instants of the samples, on beyond the end of the slew [s].
+        Sample times, including the dwell time after the slew [s].
     reference : dict of str to ndarray
         Outputs and states in the plan, at ``time``.
     feedforward : dict of str to ndarray
-        The torque of the plan, its mean from each sample to the next [N m].
+        Torque of the plan, averaged over each sample interval [N m].
     duration, slowest_period : float
-        Of the slew, and of the slowest vibration [s].
+        Duration of the slew, and period of the slowest vibration [s].
     torque_limit : float
-        Largest torque, that of the plan and of the feedback together [N m].
+        Largest torque of plan and feedback together [N m].
     planning_torque_limit : float
         Largest torque of the planning [N m].
     time_constant : float
-        Time constant of the slowest pole of the sampled loop at the end, of the machine planned for: computed from its
-        linear model, apart from the gains. A loop that is not stable there is refused [s].
+        Time constant of the slowest pole of the sampled loop at the end, for the planned machine [s]: computed from its
+        linear model, independently of the gains.
     noise : dict of str to float
-        Standard deviations of the measurements; empty where the states are known.
+        Standard deviations of the measurements; empty if all states are measured.
     plant : hub-beam
-        The one planned for.
+        The planned machine.
     sensors : tuple of BeamSensor
-        Its further sensors.
+        Its additional sensors.
     """
 
     controller: TimeVaryingController
@@ -130,27 +130,27 @@ class TrackedSlew:
         rtol: float = 1e-8,
         atol: float = 1e-10,
     ) -> LoopResult:
-        """Simulate a machine that follows the slew.
+        """Simulate a machine with feedback along the slew.
 
         Parameters
         ----------
         plant : hub-beam, optional
-            The true machine: ``h.with_tip_mass(0.2)``, ``h.with_stiffness_factor(0.9)``, another model where states
-            are not read; by default the one planned for.
+            The true machine: ``h.with_tip_mass(0.2)``, ``h.with_stiffness_factor(0.9)``, or another model if states are
+            not measured; by default the planned one.
         feedback : bool
-            Whether the controller reacts; otherwise the torque is that of the plan.
+            If False, the torque is that of the plan.
         disturbance : mapping from input to float or (N,) array, optional
-            "disturbance_torque" [N m] and "tip_force" [N], at ``time``; a number stays all the time.
+            "disturbance_torque" [N m] and "tip_force" [N], at ``time``; a number is constant.
         friction, friction_smoothing_speed : float
-            Torque of dry friction on the hub [N m], ``friction tanh(speed / creep)`` with the creep in rad/s.
+            Dry friction on the hub [N m], ``friction tanh(speed / friction_smoothing_speed)`` with speeds in rad/s.
         noise : float or mapping from measurement to float, optional
-            Standard deviations at each sample; by default those that the observer was designed for.
+            Standard deviations at each sample; by default the values of the observer design.
         seed : int
-            Of the noise.
+            Seed of the noise.
         delay, rate_limit, quantization, rtol, atol
-            As of :func:`boomctl.simulate_loop`.
+            See :func:`boomctl.simulate_loop`.
         initial_state : (n,) array_like, optional
-            State at the first instant; by default rest, as of the plan.
+            Initial state; by default rest, as in the plan.
 
         Returns
         -------
@@ -160,7 +160,7 @@ class TrackedSlew:
         Raises
         ------
         TypeError, ValueError
-            Arguments of another kind or out of range; a machine without a measurement; a loop that diverges.
+            If an argument has the wrong type or is out of range, the machine lacks a measurement, or the loop diverges.
 
         Examples
         --------
@@ -216,26 +216,26 @@ class TrackedSlew:
         atol: float = 1e-8,
         n_jobs: int = 1,
     ) -> TrackingStudy:
-        """Simulate many machines that follow the slew.
+        """Simulate many machines with random parameters along the slew.
 
-        What differs is drawn evenly from a range, independently. The seed draws the same runs whatever the controller is,
-        so that two controllers, or feedback and none, are compared run by run.
+        Parameters are independent and uniformly distributed. The samples depend on the seed only, not on the controller,
+        so that two controllers, or feedback and none, can be compared run by run.
 
         Parameters
         ----------
         runs, seed : int
-            How many, and of all that is drawn, noise included.
+            Number of runs, and seed of all random values, including noise.
         tip_mass, friction, disturbance_torque : float, (low, high) or (runs,) array_like, optional
-            Tip mass [kg], torque of friction on the hub and a constant torque on it [N m]: a number for all runs, the ends
-            of a range, or one for each run; by default as planned, and none. Of two runs, two numbers are one for each.
+            Tip mass [kg], friction torque on the hub and a constant torque on it [N m]: a number for all runs, the bounds
+            of a range, or one value per run; by default as planned, and zero. With two runs, two numbers are one per run.
         stiffness : float, (low, high) or (runs,) array_like, optional
-            What multiplies the bending stiffness; a number is the half-width of a range around one: 0.1 is 0.9 to 1.1.
+            Factor of the bending stiffness; a number is the half-width of a range around one: 0.1 is 0.9 to 1.1.
         feedback : bool
-            Whether the controller reacts.
+            If False, the torque is that of the plan.
         settling_time : float
-            Time after the end from which a vibration counts [s].
+            Time after the end at which the evaluation of the vibration starts [s].
         friction_smoothing_speed, noise, delay, rate_limit, rtol, atol
-            As of `simulate`.
+            See `simulate`.
         n_jobs : int
             Number of parallel workers; negative as for `joblib.Parallel`, -1: all cores. The result does not depend on it.
 
@@ -247,7 +247,7 @@ class TrackedSlew:
         Raises
         ------
         TypeError, ValueError
-            Arguments of another kind or out of range; a loop that diverges.
+            If an argument has the wrong type or is out of range, or the loop diverges.
 
         Examples
         --------
@@ -264,26 +264,26 @@ class TrackedSlew:
         count, start = whole("runs", runs, most=_MOST_RUNS), whole("seed", seed, least=0)
         rng = np.random.default_rng(start)
         mass = self.plant.parameters.tip_mass
-        given = {
+        parameters = {
             "tip_mass": drawn("tip_mass", tip_mass, count, rng, None, mass),
             "stiffness": drawn("stiffness", stiffness, count, rng, 1.0, 1.0),
             "friction": drawn("friction", friction, count, rng, None, 0.0),
             "disturbance_torque": drawn("disturbance_torque", disturbance_torque, count, rng, None, 0.0),
         }
         for name, check in (("tip_mass", nonnegative), ("friction", nonnegative), ("stiffness", positive)):
-            check(name, float(given[name].min()))
-        if (most := float(given["friction"].max())) > self.torque_limit:
+            check(name, float(parameters[name].min()))
+        if (most := float(parameters["friction"].max())) > self.torque_limit:
             raise ValueError(
                 f"`friction` must be at most the torque limit, {self.torque_limit:g} N m, beyond which the hub does not move,"
                 f" got {most:g}. Use less friction, or a larger torque limit."
             )
         seeds, reacts = rng.integers(2**32, size=count), truth("feedback", feedback)
         job_count(n_jobs)
-        import joblib  # which no other use of a slew needs
+        import joblib  # imported here: only studies need it
 
         def run(i: int) -> tuple[Array, float]:
-            """Outputs of one machine, the torque last, and their error [m]."""
-            mass, stiffness, rubbing, push = (float(row[i]) for row in given.values())
+            """Return the outputs of one machine, the torque last, and their error [m]."""
+            mass, stiffness, rubbing, push = (float(row[i]) for row in parameters.values())
             loop = self.simulate(
                 self.plant.with_tip_mass(mass).with_stiffness_factor(stiffness),
                 feedback=reacts,
@@ -297,7 +297,7 @@ class TrackedSlew:
                 rtol=rtol,
                 atol=atol,
             )
-            return np.array([*(loop[name] for name in _KEPT), loop.controls["torque"]]), loop.error_estimate
+            return np.array([*(loop[name] for name in _OUTPUTS), loop.controls["torque"]]), loop.error_estimate
 
         result: list[tuple[Array, float]] = []
         with computing("machines that follow a slew"):
@@ -305,15 +305,15 @@ class TrackedSlew:
                 result.append(item)
                 tell("runs", len(result), count)
         rows = np.array([outputs for outputs, _ in result]).swapaxes(0, 1)
-        outputs: dict[str, Array] = dict(zip((*_KEPT, "torque"), rows, strict=True))
-        planned = {name: self.reference[name] for name in _KEPT} | self.feedforward
-        apart = outputs["tip_displacement"] - planned["tip_displacement"]
+        outputs: dict[str, Array] = dict(zip((*_OUTPUTS, "torque"), rows, strict=True))
+        planned = {name: self.reference[name] for name in _OUTPUTS} | self.feedforward
+        deviation = outputs["tip_displacement"] - planned["tip_displacement"]
         return TrackingStudy(
             time=self.time,
-            samples=given,
+            samples=parameters,
             outputs=outputs,
             reference=planned,
-            residual_vibration=np.abs(apart[:, self._judged(settling_time)]).max(axis=1),
+            residual_vibration=np.abs(deviation[:, self._vibration_window(settling_time)]).max(axis=1),
             angle_error=outputs["hub_angle"][:, -1] - planned["hub_angle"][-1],
             settling_time=settling_time,
             duration=self.duration,
@@ -330,27 +330,27 @@ class TrackedSlew:
         Parameters
         ----------
         run : LoopResult
-            What `simulate` returned.
+            Result of `simulate`.
         wait : float
-            Time after the end from which it counts [s].
+            Time after the end at which the evaluation starts [s].
 
         Returns
         -------
         float
-            m.
+            Residual vibration [m].
 
         Raises
         ------
         TypeError, ValueError
-            No result of a loop; a time beyond the last instant.
+            If `run` is not a LoopResult, or `wait` exceeds the simulated time.
         """
-        apart = instance("run", run, LoopResult)["tip_displacement"] - self.reference["tip_displacement"]
-        return float(np.abs(apart[self._judged(wait)]).max())
+        deviation = instance("run", run, LoopResult)["tip_displacement"] - self.reference["tip_displacement"]
+        return float(np.abs(deviation[self._vibration_window(wait)]).max())
 
-    def _judged(self, wait: float) -> Array:
-        """Which of the samples lie in the 1.5 slowest periods after the end of the slew and a time [s] more."""
+    def _vibration_window(self, wait: float) -> Array:
+        """Return the mask of samples within 1.5 slowest periods after the end of the slew and a waiting time [s]."""
         late = self.time - self.duration - nonnegative("settling_time", wait)
-        result = (late >= -0.5 * self.controller.dt) & (late <= _JUDGED * self.slowest_period)
+        result = (late >= -0.5 * self.controller.dt) & (late <= _VIBRATION_PERIODS * self.slowest_period)
         if not result.any():
             raise ValueError(
                 f"settling_time = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
@@ -358,17 +358,17 @@ class TrackedSlew:
         return result
 
     def _still(self) -> TimeVaryingController:
-        """The same signals without feedback."""
+        """Return a zero controller with the same signals."""
         p = len(self.controller.input_labels)
         none = np.zeros((1, 0, 0)), np.zeros((1, 0, p)), np.zeros((1, 1, 0)), np.zeros((1, 1, p))
         return TimeVaryingController(
             *none, self.controller.input_labels, self.controller.output_labels, self.controller.dt
         )
 
-    def _disturbances(self, given: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
-        if given is None:
+    def _disturbances(self, disturbance: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
+        if disturbance is None:
             return None
-        rows = mapping("disturbance", given, "inputs to numbers or arrays")
+        rows = mapping("disturbance", disturbance, "inputs to numbers or arrays")
         return {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in rows.items()}
 
 
@@ -387,7 +387,7 @@ def tracked_slew(
     disturbance: float | None,
     stiffness_uncertainty: float,
 ) -> TrackedSlew:
-    """Return a plan with feedback along it; the arguments are those of `SlewResult.track`."""
+    """Design feedback along a plan; the arguments are those of `SlewResult.track`."""
     plant, planned_limit = problem.plants[0], problem.limits.torque
     machine: Any = plant.machine
     if machine is None:
@@ -401,12 +401,12 @@ def tracked_slew(
     step = history.duration / count
     after = int(np.ceil(rest / step))
     limit = positive("torque_limit", _RESERVE * planned_limit if torque_limit is None else torque_limit)
-    if limit < history.peak * (1.0 - ALIKE):  # share of a torque by which the plan may exceed the limit
+    if limit < history.peak * (1.0 - ALIKE):  # up to rounding error
         raise ValueError(
             f"torque_limit = {limit:g}: expected at least {history.peak:g} N m, the largest torque of the plan"
         )
-    time, places = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
-    modes = machine._forced_modes(places)
+    time, extra_sensors = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
+    modes = machine._forced_modes(extra_sensors)
     modes = reading_states(modes, modes.state_labels)
     wanted = (
         modes.state_labels if measurements is None else some_names("measurement", measurements, modes.output_labels)
@@ -434,7 +434,7 @@ def tracked_slew(
         disturbance=positive("disturbance", _DISTURBED * limit if disturbance is None else disturbance),
         model_error=within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0),
     )
-    with np.errstate(all="ignore"):  # weights beyond all numbers are told below
+    with np.errstate(all="ignore"):  # overflow is reported below
         K = regulator(along, weights(along, linear.C[[0, 2]] @ modes.to_state, states[: count + 1]), tuning, step)
         F = observer(modes, along, states[: count + 1], tuning, step)
     if not (np.isfinite(K).all() and np.isfinite(F).all()):
@@ -458,5 +458,5 @@ def tracked_slew(
         planning_torque_limit=planned_limit,
         noise={} if measurements is None else dict(zip(wanted, level.tolist(), strict=True)),
         plant=machine,
-        sensors=places,
+        sensors=extra_sensors,
     )

@@ -1,4 +1,4 @@
-"""Designs and their evaluations: what all kinds have in common, and their report."""
+"""Base classes of designs and their evaluations, with their report."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from boomctl.report import Report, Section, Table, number
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A design: a machine with what moves or controls it.
+    """Design of a machine with its controller or maneuver.
 
     Attributes
     ----------
     name, title : str
-        A name in one word, and what it is in a line.
+        Identifier, and title in one line.
     synthesis_info : mapping of str to str
-        What synthesis and reduction report: gamma and bounds, errors, orders.
+        Results of synthesis and reduction: gamma and bounds, errors, orders.
     notes : tuple of str
-        What a reader of the report should know.
+        Notes for the reader of the report.
     results : mapping of str to Any
         Further numbers for ``results.json``.
     sections : tuple of Section
-        Further sections of the report: title, words, tables, pictures.
+        Further sections of the report: title, text, tables, figures.
     """
 
     name: str
@@ -50,16 +50,16 @@ class Finding:
     Attributes
     ----------
     name : str
-        What it is about, with the unit of the text.
+        Name of the quantity, with the unit of the text.
     text : str
-        The result for a table; empty of what ``results.json`` alone holds.
+        Result for a table; empty for values of ``results.json`` only.
     value : object
         A number, or the result that certifies or proves it.
     proved : bool or None
-        Whether the claim is proved, or computed where that is all there is, as poles on a finer mesh; None of what claims
-        nothing, such as the largest value of some runs.
+        True if the claim is proved, or verified numerically if no proof exists, as for poles on a finer mesh; None for
+        results without a claim, such as the largest value of some runs.
     key : str
-        Its name in ``results.json``; empty of what is not there.
+        Name in ``results.json``; empty if it is not there.
     """
 
     name: str
@@ -71,14 +71,14 @@ class Finding:
     __repr__ = compact
 
 
-def words(found: Iterable[Finding]) -> dict[str, str]:
+def words(findings: Iterable[Finding]) -> dict[str, str]:
     """Return the texts of findings by their names."""
-    return {item.name: item.text for item in found if item.text}
+    return {item.name: item.text for item in findings if item.text}
 
 
-def numbers(found: Iterable[Finding]) -> dict[str, Any]:
+def numbers(findings: Iterable[Finding]) -> dict[str, Any]:
     """Return the values of findings by their keys."""
-    return {item.key: item.value for item in found if item.key}
+    return {item.key: item.value for item in findings if item.key}
 
 
 def table_of(rows: Iterable[Mapping[str, Any]], columns: Iterable[str], caption: str = "") -> Table:
@@ -91,13 +91,13 @@ def _cell(value: Any) -> str:
     return value if isinstance(value, str) else "\u2013" if value is None else number(value)
 
 
-def word_table(found: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
-    """Return texts by what they are about as a table."""
-    return Table(heads, tuple(found.items()), align="l")
+def word_table(texts: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
+    """Return texts by name as a table."""
+    return Table(heads, tuple(texts.items()), align="l")
 
 
 class Evaluation(ABC):
-    """The evaluation of a design; its verdict, words, results and sections are all that is shown of it.
+    """Evaluation of a design: verdict, words, results and sections.
 
     Attributes
     ----------
@@ -129,7 +129,7 @@ class Evaluation(ABC):
         """Return the sections of the report."""
 
     def __str__(self) -> str:
-        """Return what a terminal shows."""
+        """Return the evaluation as text."""
         result = (f"{name}: {text}" for name, text in self.words.items())
         return "\n  ".join([f"{self.design.title}: {self.verdict}", *result])
 
@@ -147,7 +147,7 @@ class Evaluation(ABC):
         return {**self._results(), **self.design.results}
 
     def report(self) -> Report:
-        """Return the report: pictures, tables, and the numbers of ``results.json``.
+        """Return the report: figures, tables, and the values of ``results.json``.
 
         Returns
         -------
@@ -180,13 +180,13 @@ class Evaluation(ABC):
         design = self.design
         if design.controller is None or isinstance(design.controller, ScheduledController):
             return {}
-        made_by = {"design": design.name, "title": design.title, **design.synthesis_info}
-        given: dict[str, Any] = {"certificate": dict(certificate), "provenance": made_by}
+        provenance = {"design": design.name, "title": design.title, **design.synthesis_info}
+        metadata: dict[str, Any] = {"certificate": dict(certificate), "provenance": provenance}
         result = {}
         for suffix in (".json", ".mat"):
-            result |= controller_contents(design.controller, "controller", suffix, **given)
+            result |= controller_contents(design.controller, "controller", suffix, **metadata)
         if sample_time is not None:
-            given |= {"sample_time": sample_time, "control_limit": control_limit}
+            metadata |= {"sample_time": sample_time, "control_limit": control_limit}
             with suppress(ValueError):
-                result |= controller_contents(design.controller, "controller", ".c", **given)
+                result |= controller_contents(design.controller, "controller", ".c", **metadata)
         return result

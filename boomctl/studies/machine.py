@@ -32,7 +32,7 @@ class MachineDesign(Design):
     Attributes
     ----------
     plant : SecondOrderModel, control.StateSpace or Family
-        The machine, signals named.  Of a family, peaks and margins are those of its center; stability is that over its box.
+        The machine, signals named.  For a family, peaks and margins are evaluated at its center, stability over its box.
     controller : control.StateSpace or ScheduledController
         ``u = K y`` in continuous time; its inputs are outputs of the plant, its outputs inputs of it.  A scheduled controller
         needs a family, one of whose parameters is its signal.
@@ -44,12 +44,12 @@ class MachineDesign(Design):
     control_limit : float, optional
         Largest value of each control, for C code.
     name, title, synthesis_info, notes, results, sections
-        As of every `Design`.
+        See `Design`.
 
     Raises
     ------
     TypeError, ValueError
-        Other kinds of system; signals that do not meet.
+        If a system has the wrong type, or the signal names of plant and controller do not match.
 
     Examples
     --------
@@ -101,12 +101,12 @@ class MachineDesign(Design):
         Returns
         -------
         MachineResult
-            What was found, as text and for a report.
+            Results, as text and as a report.
 
         Raises
         ------
         TypeError, ValueError
-            As for :func:`boomctl.sigma`, :func:`boomctl.margins` and :func:`boomctl.robust_stability`.
+            See :func:`boomctl.sigma`, :func:`boomctl.margins` and :func:`boomctl.robust_stability`.
         """
         plant, K = self._nominal
         loop = joined(plant, K)
@@ -140,7 +140,7 @@ class MachineResult(Evaluation):
     margins : Margins or None
         Margins of the loop; None where it is unstable.
     stable : bool
-        Whether every pole of the closed loop decays, hidden ones included.
+        True if the closed loop is stable, including uncontrollable and unobservable modes.
     robust : RobustStability or None
         Stability over the box of a family; None without one.
     """
@@ -175,7 +175,7 @@ class MachineResult(Evaluation):
         return {**self.design.synthesis_info, **box}
 
     def __str__(self) -> str:
-        """Return what a terminal shows."""
+        """Return the evaluation as text."""
         return super().__str__() + (f"\n{self.margins}" if self.margins else "")
 
     def _results(self) -> dict[str, Any]:
@@ -212,8 +212,8 @@ class MachineResult(Evaluation):
         return self._controller_files({"verdict": self.verdict}, self.design.sample_time, self.design.control_limit)
 
 
-def _peak(found: SigmaResult) -> dict[str, Any]:
-    """Return a peak, None for what is not finite."""
-    peaks = {"peak": found.peak, "peak_omega": found.peak_omega}
+def _peak(result: SigmaResult) -> dict[str, Any]:
+    """Return a peak; values that are not finite are None."""
+    peaks = {"peak": result.peak, "peak_omega": result.peak_omega}
     finite = {name: value if isfinite(value) else None for name, value in peaks.items()}
-    return {**finite, "verified": found.verified}
+    return {**finite, "verified": result.verified}

@@ -1,4 +1,4 @@
-"""Modes and a model from a file of measurements, with a report: what ``boomctl identify`` does."""
+"""Modes and a model from a file of measurements, with a report, for ``boomctl identify``."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -25,35 +25,37 @@ _OF_MODE = (
     "damping_ratio_interval",
     "energy_fraction",
 )  # in results.json
-_EVEN = 1e-3  # of a sample, by which times may miss an even grid: the digits that files keep (a choice)
+_EVEN = 1e-3  # largest relative deviation of sample times from an even grid: rounding in files
 
 
-def _report(path: Path, found: IdentificationResult, response: FrequencyResponseEstimate | None) -> Report:
-    """Return modes with intervals, the fit of each output, pictures, and the model as a file; ``response``: of a record."""
-    modes = Table(("frequency", "damping", "share of energy"), tuple(map(found._row, found.modes)), align="l")
-    fits = {name: number(percent, 4) for name, percent in found.fit_percent.items()}
-    drawn: dict[str, Any] = {"identification": (found, "Poles over orders with the modes found; what is not predicted")}
+def _report(path: Path, result: IdentificationResult, response: FrequencyResponseEstimate | None) -> Report:
+    """Return modes with intervals, the fit of each output, figures, and the model as a file; ``response``: of a record."""
+    modes = Table(("frequency", "damping", "share of energy"), tuple(map(result._row, result.modes)), align="l")
+    fits = {name: number(percent, 4) for name, percent in result.fit_percent.items()}
+    drawn: dict[str, Any] = {
+        "identification": (result, "Poles over orders with the modes found; what is not predicted")
+    }
     if response is not None:
         drawn["response"] = (response, f"Frequency response and coherence, from {response.source}")
     pictures = tuple(picture(name, figure_of(item.plot), caption) for name, (item, caption) in drawn.items())
-    system = found.system
+    system = result.system
     matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
     model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
     sections = (
         Section(
-            "Modes", (f"{found.uncertainty_source}; intervals of {100.0 * found.confidence_level:g} %.",), (modes,)
+            "Modes", (f"{result.uncertainty_source}; intervals of {100.0 * result.confidence_level:g} %.",), (modes,)
         ),
         Section("Share of each output that is predicted", (), (word_table(fits, ("output", "fit [%]")),)),
         Section("Pictures", (), (), pictures),
     )
     lead = (
-        f"{len(found.modes)} modes from {found.frequency_range_hz[0]:.4g} to {found.frequency_range_hz[1]:.4g} Hz.",
+        f"{len(result.modes)} modes from {result.frequency_range_hz[0]:.4g} to {result.frequency_range_hz[1]:.4g} Hz.",
     )
     results = {
         "file": path.name,
-        "modes": [{name: getattr(mode, name) for name in _OF_MODE} for mode in found.modes],
+        "modes": [{name: getattr(mode, name) for name in _OF_MODE} for mode in result.modes],
         **{
-            name: getattr(found, name)
+            name: getattr(result, name)
             for name in ("fit_percent", "frequency_range_hz", "confidence_level", "uncertainty_source")
         },
     }
@@ -121,12 +123,12 @@ def _columns(path: Path) -> Mapping[str, Array] | None:
     return dict(zip(table.header, table.values.T, strict=True))
 
 
-def _step(path: Path, times: Array | None, given: float | None) -> float:
-    """Return the time between samples, as said or as the column of times has it."""
-    if (times is None) == (given is None):
+def _step(path: Path, times: Array | None, sample_time: float | None) -> float:
+    """Return the sample time, from the argument or the column of times."""
+    if (times is None) == (sample_time is None):
         raise ValueError(f"{path}: expected a column named 'time' [s], or --sample-time, and not both")
     if times is None:
-        return positive("sample_time", given)
+        return positive("sample_time", sample_time)
     steps = np.diff(times)
     step = float(steps.mean()) if len(steps) else 0.0
     if step <= 0.0 or np.abs(steps - step).max() > _EVEN * step:

@@ -18,9 +18,9 @@ from boomctl.slew.result import Replay, SlewResult
 from boomctl.studies.evaluation import Design, Evaluation, table_of
 from boomctl.threads import one_blas_thread
 
-_MORE = 0.1  # by how much the tip mass of the followed beam exceeds the largest planned one [kg]; a choice
-_AFTER = 2.0  # how long the film goes on after the end [s] (a choice)
-_RTOL, _ATOL = 1e-7, 1e-9  # of motions in which errors of millimeters are looked for (a choice)
+_MORE = 0.1  # excess of the simulated tip mass over the largest planned one, in the tracking test [kg]
+_AFTER = 2.0  # duration of the animation after the end of the slew [s]
+_RTOL, _ATOL = 1e-7, 1e-9  # solver tolerances of motions, for errors far below 1 mm
 _OF_SLEW = (
     "objective", "duration", "cost", "terminal_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
     "tip_displacement",
@@ -34,23 +34,23 @@ _REPLAYED = ("model", "tip_mass", "angle_error", "speed_error", "residual_vibrat
 
 @dataclass(frozen=True, eq=False)
 class SlewDesign(Design):
-    """A planned slew, and what it is to be compared with.
+    """Planned slew, and slews for comparison.
 
     Attributes
     ----------
     name, title, synthesis_info, notes, results, sections
-        As of every `Design`.
+        See `Design`.
     beam : AssumedModesBeam
-        What the slew was planned for.
+        Beam of the planned slew.
     slews : mapping of str to SlewResult
         Slews of the beam by name: first the one designed, then others to be compared with it. All have the same angle, or
         spin up to the same speed, under the same torque limit. The evaluation adds classical ones.
     reference_slew : str
-        The slew that the animation compares with the designed one: planned or classical. "": that of a rigid body.
+        The slew that the animation compares with the designed one: planned or classical. "": the slew of a rigid body.
     tip_masses : tuple of float
-        Tip masses with which the planned slews are played [kg].
+        Tip masses for additional simulations of the planned slews [kg].
     followed : bool
-        Whether the slew is followed, with all states measured, by a beam with 0.1 kg more at the tip.
+        If True, the slew is tracked, with all states measured, by a beam with 0.1 kg more at the tip.
 
     Examples
     --------
@@ -91,11 +91,11 @@ class SlewDesign(Design):
         Returns
         -------
         SlewEvaluation
-            What was found, as text and for a report.
+            Results, as text and as a report.
         """
         problem, masses = self.slew.plan.problem, self.tip_masses
-        asked = self.beam, problem.angle, problem.limits.torque, self.slews, problem.final_speed
-        return SlewEvaluation(self, compare_slews(*asked, tip_masses=masses))
+        arguments = self.beam, problem.angle, problem.limits.torque, self.slews, problem.final_speed
+        return SlewEvaluation(self, compare_slews(*arguments, tip_masses=masses))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +140,13 @@ class SlewEvaluation(Evaluation):
     def replays(self) -> tuple[Replay, ...]:
         """The slew on the planning model, with the other payloads, and on other models."""
         design, slew = self.design, self.design.slew
-        problem, swing = slew.plan.problem, self.comparison[design._label].residual_vibration
+        problem, vibration = slew.plan.problem, self.comparison[design._label].residual_vibration
         angle_error = 0.0 if problem.angle is None else float(slew.hub_angle[-1]) - problem.angle
         speed_error = float(slew.hub_speed[-1]) - problem.final_speed
-        return (Replay(design.beam.model, None, angle_error, speed_error, swing, slew.residual_energy), *slew.replay())
+        return (
+            Replay(design.beam.model, None, angle_error, speed_error, vibration, slew.residual_energy),
+            *slew.replay(),
+        )
 
     @cached_property
     def following(self) -> dict[str, float] | None:
@@ -269,7 +272,7 @@ class SlewEvaluation(Evaluation):
 
 
 def _drawn(name: str, plot: Any, caption: str, **options: Any) -> Picture:
-    """Return a picture of curves of many points, which are shown as PNG."""
+    """Return a figure of curves with many points, which is shown as PNG."""
     return picture(name, figure_of(plot, **options), caption, "png")
 
 
@@ -280,7 +283,7 @@ def _scalars(record: Any) -> dict[str, Any]:
 
 
 def _length(value: float) -> str:
-    """Return a length [m] in words, with two digits."""
+    """Return a length [m] as text, with two digits."""
     if value < 1e-6:
         return "less than 1 µm"
     if value < 1e-3:

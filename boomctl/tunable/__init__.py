@@ -1,4 +1,4 @@
-"""What controllers are made of, for ``boomctl.tune``: parts with free numbers, and channels whose norms count."""
+"""Tunable controller blocks and design requirements for ``boomctl.tune``."""
 
 from boomctl.lazy import loader
 

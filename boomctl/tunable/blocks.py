@@ -22,7 +22,7 @@ class Block(NamedTuple):
         return ca.blockcat([[self.A, self.B], [self.C, self.D]])
 
     def between(self, rows: list[int], columns: list[int], shape: tuple[int, int]) -> "Block":
-        """Return the block between some of more outputs and inputs; ``shape`` is that of the larger feedthrough."""
+        """Return the block embedded in more outputs and inputs; ``shape`` is the shape of the larger feedthrough."""
         outputs, inputs = ca.SX.eye(shape[0])[:, rows], ca.SX.eye(shape[1])[columns, :]
         return Block(self.A, self.B @ inputs, outputs @ self.C, outputs @ self.D @ inputs)
 
@@ -52,29 +52,29 @@ def series(last: Block, first: Block) -> Block:
 
 
 class Differentiated:
-    """A matrix of expressions of a vector of numbers, with its first and second derivatives."""
+    """Matrix of expressions of a parameter vector, with its first and second derivatives."""
 
     def __init__(self, x: ca.SX, matrix: ca.SX) -> None:
         entries, weights, self.shape = ca.vec(matrix.T), ca.SX.sym("weights", matrix.numel()), matrix.shape
-        bends = ca.hessian(ca.dot(weights, entries), x)[0]
+        hessian = ca.hessian(ca.dot(weights, entries), x)[0]
         self._value = ca.Function("value", [x], [matrix])
-        self._slopes = ca.Function("slopes", [x], [ca.jacobian(entries, x).T])
-        self._bends = ca.Function("bends", [x, weights], [bends])
-        self._line = None if bends.nnz() else (self._value(0.0).full(), self._slopes(0.0).full())
+        self._jacobian = ca.Function("jacobian", [x], [ca.jacobian(entries, x).T])
+        self._hessian = ca.Function("hessian", [x, weights], [hessian])
+        self._line = None if hessian.nnz() else (self._value(0.0).full(), self._jacobian(0.0).full())
 
     def value(self, x: Array) -> Array:
         """Return the matrix."""
         if self._line is None:
             return self._value(x).full()
-        start, slopes = self._line  # which need no call
-        return start + (x @ slopes).reshape(start.shape)
+        start, jacobian = self._line  # constant: no function call
+        return start + (x @ jacobian).reshape(start.shape)
 
-    def slopes(self, x: Array) -> Array:
-        """Return the derivatives of its entries, row by row, by each number: (k, entries)."""
-        return self._slopes(x).full() if self._line is None else self._line[1]
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivatives of its entries, row by row, by every parameter: (k, entries)."""
+        return self._jacobian(x).full() if self._line is None else self._line[1]
 
-    def bends(self, x: Array, weights: Array) -> Array:
+    def hessian(self, x: Array, weights: Array) -> Array:
         """Return the second derivatives of the sum of its entries times weights: (k, k)."""
         if self._line is not None:
             return np.zeros((len(x), len(x)))
-        return self._bends(x, weights.ravel()).full()
+        return self._hessian(x, weights.ravel()).full()

@@ -1,4 +1,4 @@
-"""The parts that users make controllers of, their arguments checked."""
+"""Public constructors of tunable controller blocks, with argument checks."""
 
 from collections.abc import Sequence
 
@@ -15,8 +15,8 @@ from boomctl.tunable.structures import (
     StateSpace,
 )
 
-_LARGEST_ORDER = 60  # beyond which a controller's free numbers are too many to be tuned (a choice)
-_MOST_MODES = 20  # of a positive position feedback (a choice)
+_LARGEST_ORDER = 60  # largest order of a free state space: limits the number of free parameters
+_MOST_MODES = 20  # largest number of terms of a positive position feedback
 
 
 def gain() -> ControllerForm:
@@ -44,7 +44,7 @@ def pid(
     Parameters
     ----------
     integral, derivative : bool
-        Whether these parts are there.
+        If False, the part is omitted.
     omega_min, omega_max : float, optional
         Ends of the range of the derivative's corner ``w`` [rad/s]; by default a hundred times the plant's band.
 
@@ -56,7 +56,7 @@ def pid(
     Raises
     ------
     TypeError, ValueError
-        Other kinds; ends that are not positive and ascending.
+        If an argument has the wrong type, or the ends are not positive and ascending.
 
     Examples
     --------
@@ -71,7 +71,7 @@ def pid(
 def notch(omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
     """Return a notch on each of the signals that pass, ``(s^2 + 2 a w s + w^2)/(s^2 + 2 b w s + w^2)``.
 
-    It has no gain of its own: put it in series with what has.
+    It has unit gain: connect it in series with a block that has a gain.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def notch(omega_min: float | None = None, omega_max: float | None = None) -> Con
 def ppf(modes: int = 1, omega_min: float | None = None, omega_max: float | None = None) -> ControllerForm:
     """Return positive position feedback, a sum of ``G w^2/(s^2 + 2 z w s + w^2)`` (Fanson & Caughey 1990).
 
-    Gains of either sign are tried, as a plant's own sign may be either.
+    Gains may have either sign, as may the plant's gain.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def ppf(modes: int = 1, omega_min: float | None = None, omega_max: float | None 
     Raises
     ------
     TypeError, ValueError
-        No term; ends that are not positive and ascending.
+        If `modes` is out of range, or the ends are not positive and ascending.
 
     Examples
     --------
@@ -129,14 +129,14 @@ def ppf(modes: int = 1, omega_min: float | None = None, omega_max: float | None 
 
 
 def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
-    """Return a controller of some order, all its matrices free.
+    """Return a state-space controller with all matrices free.
 
     Parameters
     ----------
     order : int
         Number of states; with 0 it is a matrix of gains.
     strictly_proper : bool
-        Whether nothing passes at once, ``D = 0``.
+        If True, ``D = 0``.
 
     Returns
     -------
@@ -146,7 +146,7 @@ def state_space(order: int, strictly_proper: bool = False) -> ControllerForm:
     Raises
     ------
     TypeError, ValueError
-        Orders out of range; order 0 and strictly proper, which would be nothing.
+        If `order` is out of range, or 0 with `strictly_proper`.
 
     Examples
     --------
@@ -164,14 +164,14 @@ def decentralized(
     *loops: "ControllerForm | tuple[str | Sequence[str], str | Sequence[str], ControllerForm]",
     shared_parameters: bool = False,
 ) -> ControllerForm:
-    """Return loops side by side, each between signals of its own.
+    """Return a decentralized controller: several loops with separate signals.
 
     Parameters
     ----------
     *loops : ControllerForm, or tuples of measurements, controls and a structure
-        One structure alone stands between the first measurement and the first control, between the second ones, and so on.
+        A single structure connects the first measurement with the first control, the second ones, and so on.
     shared_parameters : bool
-        Whether all loops have the same numbers; for one structure alone.
+        If True, all loops have the same parameters; for a single structure.
 
     Returns
     -------
@@ -181,7 +181,8 @@ def decentralized(
     Raises
     ------
     TypeError, ValueError
-        No loops; other kinds; a physical parameter within; numbers to share among different structures.
+        If there are no loops, an argument has the wrong type, a loop contains a physical parameter, or
+        `shared_parameters` is used with several structures.
 
     Examples
     --------
@@ -214,16 +215,16 @@ def decentralized(
 def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     """Return a parameter of the plant that is tuned with the controller, or without one.
 
-    The plant's matrices must be polynomials of the parameters, or as smooth, as springs, dampers, masses and positions make
-    them, up to degree 32.  So they are with parameters of a family, and with a function whose plants have the same states
-    everywhere, such as ``to_statespace(states="coordinates")``; others are refused.
+    The plant's matrices must be smooth functions of the parameters, approximated by polynomials up to degree 32, as for
+    springs, dampers, masses and positions.  This requires parameters of a family, or a function whose plants have the same
+    states everywhere, as from ``to_statespace(states="coordinates")``; others raise an error.
 
     Parameters
     ----------
     name : str
-        The parameter's name, as the function that makes the plant, or the family, knows it.
+        Name of the parameter in the family, or in the mapping passed to the plant function.
     low, high : float
-        Ends of its range, in its own unit.
+        Bounds of the parameter, in its unit.
 
     Returns
     -------
@@ -233,7 +234,7 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     Raises
     ------
     TypeError, ValueError
-        Not a name; ends that do not ascend.
+        If `name` is not a name, or the bounds do not ascend.
 
     Examples
     --------
@@ -241,10 +242,10 @@ def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     >>> bc.tunable.gain() + bc.tunable.plant_parameter("hinge_damping", 1.0, 3000.0)
     Sum(Gain, Physical hinge_damping 1 to 3000)
     """
-    given, start, end = signal_name("parameter", name), real("low", low), real("high", high)
+    parameter, start, end = signal_name("parameter", name), real("low", low), real("high", high)
     if start >= end:
-        raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {given}")
-    return Physical(given, start, end)
+        raise ValueError(f"low, high = {start:g}, {end:g}: expected ascending ends of {parameter}")
+    return Physical(parameter, start, end)
 
 
 def _ends(low: object, high: object) -> tuple[float | None, float | None]:
@@ -254,8 +255,8 @@ def _ends(low: object, high: object) -> tuple[float | None, float | None]:
     return result
 
 
-def _inner(given: object) -> ControllerForm:
-    structure = instance("structure", given, ControllerForm, "a structure of boomctl.tunable")
+def _inner(form: object) -> ControllerForm:
+    structure = instance("structure", form, ControllerForm, "a structure of boomctl.tunable")
     if structure.physicals():
-        raise ValueError("decentralized: a physical parameter cannot stand within; add it")
+        raise ValueError("decentralized: a loop cannot contain a physical parameter; add it")
     return structure

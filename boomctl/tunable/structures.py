@@ -1,4 +1,4 @@
-"""Structures of controllers: their free numbers, and the system that these make as CasADi expressions."""
+"""Structures of controllers: their free parameters, and their systems as CasADi expressions."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -15,17 +15,17 @@ from boomctl.printing import listed
 from boomctl.tunable.blocks import Block, filtered, parallel, series, static
 
 GAIN, RATE, RATIO, PHYSICAL = "gain", "rate", "ratio", "physical"
-_SPAN = 100.0  # times the plant's own band, to either side: where rates may lie that nobody bounds (a choice)
-_DAMPING = (0.05, 2.0)  # damping ratios of a positive position feedback (a choice: a filter, and no second resonance)
-_DEEP, _WIDE = (1e-3, 1.0), (0.02, 3.0)  # damping ratios of a notch's zeros and poles (choices)
-_DAMPED = (0.1, 1.0)  # damping ratios of the modes of a drawn state space (a choice)
+_SPAN = 100.0  # default bounds of rates: the plant's band times this factor on either side
+_DAMPING = (0.05, 2.0)  # bounds of the damping ratio of a positive position feedback: no second resonance
+_DEEP, _WIDE = (1e-3, 1.0), (0.02, 3.0)  # bounds of the damping ratios of a notch's zeros and poles
+_DAMPED = (0.1, 1.0)  # range of the damping ratios of a random state space
 
 
 @dataclass(frozen=True)
 class Free:
-    """One free number: its name, what it is, the ends of its range, and what a one of the search stands for.
+    """Free parameter: name, kind, bounds, and scale of the search variable.
 
-    What is positive is searched for as its logarithm.
+    The search variable of a positive parameter is its logarithm.
     """
 
     name: str
@@ -36,17 +36,17 @@ class Free:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the search goes along the logarithm."""
+        """True if the search variable is the logarithm."""
         return self.kind in (RATE, RATIO)
 
     def ends(self) -> tuple[float, float]:
-        """Return the range in the search's own number: logarithms, or for a physical parameter from -1 to 1."""
+        """Return the bounds of the search variable: logarithms, or -1 to 1 for a physical parameter."""
         if self.logarithmic:
             return log(self.low), log(self.high)
         return (-1.0, 1.0) if self.kind == PHYSICAL else (self.low, self.high)
 
     def value(self, x: float) -> float:
-        """Return what a number of the search stands for."""
+        """Return the parameter value of a search variable."""
         if self.logarithmic:
             return float(min(max(exp(x), self.low), self.high))
         if self.kind == PHYSICAL:
@@ -56,11 +56,11 @@ class Free:
         return self.scale * float(x)
 
     def expression(self, x: ca.SX) -> ca.SX:
-        """Return the value of a gain, a rate or a ratio as an expression of the search's number."""
+        """Return the value of a gain, a rate or a ratio as an expression of the search variable."""
         return ca.exp(x) if self.logarithmic else self.scale * x
 
     def number(self, value: float) -> float:
-        """Return the number of the search that stands for a value."""
+        """Return the search variable of a parameter value."""
         if self.logarithmic:
             return log(value)
         if self.kind == PHYSICAL:
@@ -70,16 +70,16 @@ class Free:
 
 @dataclass(frozen=True)
 class Ports:
-    """What a structure is put between: measurements and controls, their sizes, and the plant's band.
+    """Ports of a structure: measurements and controls, their magnitudes, and the plant's band.
 
     Attributes
     ----------
     measurements, controls : tuple of str
-        Names, none where a part lies within a series.
+        Names, empty for a part inside a series.
     reads, acts : ndarray
-        Sizes of the measurements and of the controls, so that a gain of one is neither small nor large.
+        Scales of the measurements and controls, such that gains are near one.
     rate : float
-        What rates count in [rad/s].
+        Unit of rates [rad/s].
     slowest, fastest : float
         Slowest and fastest rate of the plant [rad/s].
     """
@@ -118,16 +118,16 @@ Realization: TypeAlias = tuple[ca.SX, ca.SX, ca.SX, float | ca.SX]
 
 
 class ControllerForm:
-    """What a controller is made of: parts can be added, and put in series by ``*``, the right one reading first."""
+    """Tunable controller structure: parts can be added, and connected in series by ``*``, the right one first."""
 
-    square = False  # whether there are as many outputs as inputs, whatever their number
+    square = False  # True if the number of outputs equals that of inputs
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        """Return the free numbers."""
+        """Return the free parameters."""
         raise NotImplementedError
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
-        """Return the system that values of the free numbers make, in the units of the signals."""
+        """Return the system for values of the free parameters, in the units of the signals."""
         raise NotImplementedError
 
     def physicals(self) -> "tuple[Physical, ...]":
@@ -135,7 +135,7 @@ class ControllerForm:
         return ()
 
     def check(self, ports: Ports) -> None:
-        """Refuse signals that the structure cannot stand between."""
+        """Raise an error if the structure does not fit the signals."""
         if self.square and len(ports.measurements) != len(ports.controls):
             raise ValueError(
                 f"structure: a filter without gains between {len(ports.measurements)} measurement(s) and"
@@ -143,7 +143,7 @@ class ControllerForm:
             )
 
     def drawn(self, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
-        """Return free numbers to begin with: gains of about ``level`` natural sizes, rates within the plant's band."""
+        """Return random initial parameters: gains of about ``level`` natural sizes, rates within the plant's band."""
         result = []
         band = np.log([ports.slowest, ports.fastest])
         for free in self.free(ports):
@@ -159,11 +159,11 @@ class ControllerForm:
         return np.array(result)
 
     def lower(self) -> "ControllerForm | None":
-        """Return the structure with a state less, where there is one."""
+        """Return the structure with one state less, if any."""
         return None
 
     def grown(self, x: Array, ports: Ports, rng: np.random.Generator, size: float) -> Array:
-        """Return free numbers of `lower` as those of the structure itself, whose new state acts by ``size``."""
+        """Return parameters of `lower` as those of the structure itself, with gains ``size`` of the new state."""
         raise NotImplementedError
 
     @property
@@ -172,10 +172,10 @@ class ControllerForm:
         return type(self).__name__
 
     def __repr__(self) -> str:
-        given = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
+        arguments = {field.name: getattr(self, field.name) for field in fields(self) if field.repr}  # type: ignore[arg-type]
         words = [
             f"{name}={value:.6g}" if isinstance(value, float) else f"{name}={value!r}"
-            for name, value in given.items()
+            for name, value in arguments.items()
             if value is not None
         ]
         return f"{type(self).__name__}({', '.join(words)})"
@@ -187,9 +187,9 @@ class ControllerForm:
     def __mul__(self, other: object) -> "Series":
         first = instance("structure", other, ControllerForm, "a structure to put in series")
         if self.physicals() or first.physicals():
-            raise ValueError("structure: a physical parameter cannot stand in a series; add it")
+            raise ValueError("structure: a physical parameter cannot be in a series; add it")
         if isinstance(self, Decentralized) or isinstance(first, Decentralized):
-            raise ValueError("structure: decentralized cannot stand in a series; put the series into it")
+            raise ValueError("structure: decentralized cannot be in a series; put the series into it")
         return Series(self, first)
 
 
@@ -198,14 +198,14 @@ def terms(structure: ControllerForm) -> tuple[ControllerForm, ...]:
     return structure.parts if isinstance(structure, Sum) else (structure,)
 
 
-def _each(name: str, rows: Iterable[object], acts: Array, columns: Iterable[object], reads: Array) -> list[Free]:
-    """Return free gains between signals, or their numbers, of some sizes."""
+def _gains(name: str, rows: Iterable[object], acts: Array, columns: Iterable[object], reads: Array) -> list[Free]:
+    """Return free gains between signals with scales."""
     ends = product(zip(rows, acts, strict=True), zip(columns, reads, strict=True))
     return [Free(f"{name}[{u}, {y}]", GAIN, scale=float(act / read)) for (u, act), (y, read) in ends]
 
 
 def _cut(x: Vector, sizes: list[int]) -> list[Vector]:
-    """Return a vector in pieces."""
+    """Return consecutive parts of a vector."""
     return [x[start:end] for start, end in pairwise(np.cumsum([0, *sizes]).tolist())]
 
 
@@ -213,7 +213,7 @@ def _by_rows(values: ca.SX, rows: int, columns: int) -> ca.SX:
     return ca.reshape(values, columns, rows).T
 
 
-# name of the gains, rate that is one in their natural size, further free numbers, and the filter that these make
+# name of the gains, unit of their rate, further free parameters, and the filter with these parameters
 Term: TypeAlias = tuple[str, float, tuple[Free, ...], Callable[..., Realization]]
 
 
@@ -227,7 +227,7 @@ class Filtered(ControllerForm):
     def free(self, ports: Ports) -> tuple[Free, ...]:
         result: list[Free] = []
         for name, rate, own, _ in self.terms(ports):
-            result += [*_each(name, ports.controls, rate * ports.acts, ports.measurements, ports.reads), *own]
+            result += [*_gains(name, ports.controls, rate * ports.acts, ports.measurements, ports.reads), *own]
         return tuple(result)
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
@@ -276,7 +276,7 @@ class Ppf(Filtered):
         ends = ports.rates(self.low, self.high)
         tags = [""] if self.modes == 1 else [str(i + 1) for i in range(self.modes)]
         own = [(Free(f"frequency{tag}", RATE, *ends), Free(f"damping{tag}", RATIO, *_DAMPING)) for tag in tags]
-        return [(f"ppf{tag}", 1.0, each, _resonated) for tag, each in zip(tags, own, strict=True)]
+        return [(f"ppf{tag}", 1.0, parameters, _resonated) for tag, parameters in zip(tags, own, strict=True)]
 
 
 def _passed() -> Realization:
@@ -318,7 +318,7 @@ class Notch(ControllerForm):
 
 @dataclass(frozen=True, repr=False)
 class StateSpace(ControllerForm):
-    """All matrices free."""
+    """State space with all matrices free."""
 
     order: int
     strictly_proper: bool = False
@@ -330,9 +330,9 @@ class StateSpace(ControllerForm):
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
         (rows, columns), n, one = map(range, ports.shape), range(self.order), np.ones(self.order)
-        parts = [*_each("A", n, ports.rate * one, n, one), *_each("B", n, ports.rate * one, columns, ports.reads)]
-        parts += _each("C", rows, ports.acts, n, one)
-        return (*parts, *([] if self.strictly_proper else _each("D", rows, ports.acts, columns, ports.reads)))
+        parts = [*_gains("A", n, ports.rate * one, n, one), *_gains("B", n, ports.rate * one, columns, ports.reads)]
+        parts += _gains("C", rows, ports.acts, n, one)
+        return (*parts, *([] if self.strictly_proper else _gains("D", rows, ports.acts, columns, ports.reads)))
 
     def block(self, values: ca.SX, ports: Ports) -> Block:
         (rows, columns), n = ports.shape, self.order
@@ -348,8 +348,8 @@ class StateSpace(ControllerForm):
         while k < n:
             if k + 1 < n and rng.random() < 0.7:
                 damping = rng.uniform(*_DAMPED)
-                swing = rates[k] * np.sqrt(1.0 - damping**2)
-                A[k : k + 2, k : k + 2] = [[-damping * rates[k], swing], [-swing, -damping * rates[k]]]
+                damped_rate = rates[k] * np.sqrt(1.0 - damping**2)
+                A[k : k + 2, k : k + 2] = [[-damping * rates[k], damped_rate], [-damped_rate, -damping * rates[k]]]
                 k += 2
             else:
                 A[k, k] = -rates[k]
@@ -385,7 +385,7 @@ class Physical(ControllerForm):
 
     @property
     def number(self) -> Free:
-        """What is searched for."""
+        """Free parameter of the search."""
         return Free(self.name, PHYSICAL, self.low, self.high)
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
@@ -403,14 +403,14 @@ class Physical(ControllerForm):
 
 
 class Composed(ControllerForm):
-    """Structures together, which are shown as their words say."""
+    """Composite of structures, printed as the composition."""
 
     def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
-        """Return the parts that have free numbers of their own, each with what it is put between."""
+        """Return the parts with free parameters, and their ports."""
         raise NotImplementedError
 
     def free(self, ports: Ports) -> tuple[Free, ...]:
-        """Return the free numbers of all parts; names that come twice get the number of their part."""
+        """Return the free parameters of all parts; repeated names get the index of their part."""
         groups = [part.free(own) for part, own in self.placed(ports)]
         names = [free.name for group in groups for free in group]
         return tuple(
@@ -420,7 +420,7 @@ class Composed(ControllerForm):
         )
 
     def split(self, x: Vector, ports: Ports) -> list[Vector]:
-        """Return the numbers of each part."""
+        """Return the parameters of each part."""
         return _cut(x, [len(part.free(own)) for part, own in self.placed(ports)])
 
     def blocks(self, values: ca.SX, ports: Ports) -> list[Block]:
@@ -441,7 +441,7 @@ class Composed(ControllerForm):
 
 @dataclass(frozen=True, repr=False)
 class Sum(Composed):
-    """Parts that read the same measurements and whose outputs add up."""
+    """Sum of parts with the same measurements and controls."""
 
     parts: tuple[ControllerForm, ...]
 
@@ -476,7 +476,7 @@ class Sum(Composed):
 
 @dataclass(frozen=True, repr=False)
 class Series(Composed):
-    """One part after the other: the right one reads the measurements."""
+    """Series of parts: the right one reads the measurements."""
 
     last: ControllerForm
     first: ControllerForm
@@ -490,7 +490,7 @@ class Series(Composed):
         return self.last.square and self.first.square
 
     def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
-        """Return the parts with their ports; what passes unchanged keeps its names and sizes."""
+        """Return the parts with their ports; unchanged signals keep their names and scales."""
         names, sizes = tuple(f"v{i + 1}" for i in range(len(ports.controls))), np.ones(len(ports.controls))
         if self.first.square:
             names, sizes = ports.measurements, ports.reads
@@ -509,7 +509,7 @@ class Series(Composed):
 
 @dataclass(frozen=True, repr=False)
 class Decentralized(Composed):
-    """Parts between signals of their own: each from some measurements to some controls."""
+    """Decentralized parts: each from some measurements to some controls."""
 
     loops: tuple[tuple[tuple[str, ...], tuple[str, ...], ControllerForm], ...]
     each: ControllerForm | None = None
@@ -532,7 +532,7 @@ class Decentralized(Composed):
         ]
 
     def placed(self, ports: Ports) -> list[tuple[ControllerForm, Ports]]:
-        """Return the parts with their ports; what loops share is in sizes that are the same in all of them."""
+        """Return the parts with their ports; shared parameters have the same scales in all loops."""
         if self.shared:
             reads, acts = (np.full(len(sizes), np.exp(np.mean(np.log(sizes)))) for sizes in (ports.reads, ports.acts))
             ports = replace(ports, reads=reads, acts=acts)

@@ -1,4 +1,4 @@
-"""Controllers of a structure that is given, tuned: certified, and with a bound that no controller beats."""
+"""Tuning of controllers of a fixed structure, with certificates and lower bounds for any controller."""
 
 from boomctl.lazy import loader
 

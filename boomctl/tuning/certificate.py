@@ -1,4 +1,4 @@
-"""What vouches for a tuned controller: norms of the loops as the user handed them in, and what no controller beats."""
+"""Certificate of a tuned controller: norms of the closed loops with the original plants, and a lower bound."""
 
 from dataclasses import replace
 from math import exp, inf, isfinite, log
@@ -26,14 +26,14 @@ from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.bundle import stationarity
 from boomctl.tuning.solver.search import Search
 
-_EDGE = 1e-5  # decay of a pole over its size below which a loop may have ended at the edge of stability (a choice)
-_LOST = 1e-3  # share of the decay that the same pole had without the controller, below which it has (a choice)
-_SAME_POLE = 0.3  # share of its size within which a pole of the plant is the same (a choice)
-_TELLING = 10.0  # times a bound up to which a norm so far above it says something of it (a choice)
-_ACTIVE = 1e-3  # share of a norm or of a bound within which a peak or bound is active (a choice)
-_AT_END = 1e-6  # share of a range within which a number rests at its end (a choice)
-_BOUND_TIME = 20.0  # s that the bound on any controller may take beyond the time limit (a choice)
-_MOST_BOUNDS = 3  # models whose bound is looked for: those where the norm is largest (a choice of patience)
+_EDGE = 1e-5  # decay rate of a pole over its modulus below which a loop may be at the edge of stability
+_LOST = 1e-3  # fraction of the pole's open-loop relative decay rate below which it is
+_SAME_POLE = 0.3  # relative distance within which an open-loop pole corresponds to a closed-loop pole
+_TELLING = 10.0  # relative gap up to which the summary states the lower bound as a percentage
+_ACTIVE = 1e-3  # relative distance to a norm or bound within which a peak or bound is active
+_AT_END = 1e-6  # fraction of a range within which a parameter is at its bound
+_BOUND_TIME = 20.0  # time limit of the lower bound for any controller, in addition to that of the search [s]
+_MOST_BOUNDS = 3  # models for which the lower bound is computed: those with the largest norms
 
 
 def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
@@ -42,7 +42,7 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
     Raises
     ------
     SynthesisError
-        It is not well-posed, or not stable.
+        If it is not well-posed, or not stable.
     """
     try:
         loop = lower_lft(plant.system, K)
@@ -57,22 +57,22 @@ def loop_of(plant: GeneralizedPlant, K: Lti) -> Lti:
 
 
 def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
-    """Return what to say of a loop that ended at the edge of stability; nothing where none of its poles was driven there."""
+    """Return a note on a loop at the edge of stability; empty if the controller drove no pole there."""
     before, after = plant.system.poles, loop.poles
     sizes = np.abs(before[before != 0.0])
     slowest = float(sizes.min(initial=np.inf)) if len(sizes) else 1.0
     slowest = max(slowest, REFUTED_RTOL * float(sizes.max(initial=0.0)))
     if not len(after):
         return ""
-    apart = -after.real / (np.abs(after) + slowest)
-    k = int(np.argmin(apart))
+    relative_decay = -after.real / (np.abs(after) + slowest)
+    k = int(np.argmin(relative_decay))
     pole = after[k]
     near = np.abs(before - pole)
     had = 1.0
     if len(before) and near.min() <= _SAME_POLE * abs(pole):
         its = before[np.argmin(near)]
         had = -its.real / (abs(its) + slowest) if its.real < 0.0 else 1.0
-    if apart[k] > min(_EDGE, _LOST * had):
+    if relative_decay[k] > min(_EDGE, _LOST * had):
         return ""
     shown = f"{pole.real:.3g}" if pole.imag == 0.0 else f"{pole.real:.3g} ± {abs(pole.imag):.6g}j"
     return (
@@ -91,7 +91,7 @@ def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -
 def lower_bound(
     plants: list[GeneralizedPlant], values: list[tuple[float, int, Channel]], limit: float
 ) -> tuple[float, str]:
-    """Return a norm that no controller of any order goes below, and where it comes from, or why there is none.
+    """Return a lower bound on the norm for controllers of any order, and its source, or the reason why there is none.
 
     Parameters
     ----------
@@ -99,11 +99,11 @@ def lower_bound(
     values : list of (float, int, Channel)
         Norm reached, plant and channel of every objective.
     limit : float
-        Seconds for all of it.
+        Time limit in total [s].
     """
     best, said, reasons = 0.0, "", []
     deadline = Deadline(limit)
-    for value, model, channel in sorted(values, key=lambda each: each[0], reverse=True)[:_MOST_BOUNDS]:
+    for value, model, channel in sorted(values, key=lambda item: item[0], reverse=True)[:_MOST_BOUNDS]:
         plant = channel_of(plants[model], channel)
         if deadline.over:
             reasons.append("out of time")
@@ -131,22 +131,22 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
     return full_order_bound(plant, deadline)[0]
 
 
-def share_used(norm: ChannelNorm) -> float:
-    """Return a norm over its budget, where it has one."""
+def budget_ratio(norm: ChannelNorm) -> float:
+    """Return a norm over its budget, if any."""
     return norm.value / (norm.channel.budget or 1.0)
 
 
-def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
-    """Return the best controller of a search, verified from what the user handed in.
+def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
+    """Return the best controller of a search, verified with the plants passed by the user.
 
     Raises
     ------
     SynthesisError
-        It could not be verified, or exceeds a budget or a bound.
+        If it cannot be verified, or exceeds a budget or a bound.
     """
-    problem, x, labels = found.problem, found.design, found.problem.plants.labels
+    problem, x, labels = search.problem, search.design, search.problem.plants.labels
     tell("verifying")
-    plants = problem.plants.given(x[problem.physical])
+    plants = problem.plants.original(x[problem.physical])
     K = replace(problem.lti(x).balanced(), scales=plants[0].system.scales)
     loops = [loop_of(plant, K) for plant in plants]
     norms = [
@@ -155,15 +155,17 @@ def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]
         for channel in problem.channels
     ]
     aims = [item for item in norms if problem.budgets_alone or item[1].channel.budget is None]
-    largest, top = max(aims, key=lambda each: share_used(each[1]))
-    point = Point(problem, x, found.known)
-    used_up = _used_up(found, point, [item for _, item in norms])
+    largest, top = max(aims, key=lambda pair: budget_ratio(pair[1]))
+    point = Point(problem, x, search.known)
+    used_up = _used_up(search, point, [item for _, item in norms])
     if problem.plants.physical:
         lower, reason = 0.0, "none: the plant itself is tuned"
     else:
         tell("bound on any controller")
         lower, reason = lower_bound(list(plants), [(item.value, i, item.channel) for i, item in aims], _BOUND_TIME)
-    near = [p for p in point.pieces(_ACTIVE) if p.value >= (0.0 if p.limit else point.aim) + log(1.0 - _ACTIVE)]
+    near = [
+        p for p in point.active_functions(_ACTIVE) if p.value >= (0.0 if p.limit else point.aim) + log(1.0 - _ACTIVE)
+    ]
     tops = sorted((p for p in near if p.top and not p.limit), key=lambda p: -p.value)
     certificate = DesignCertificate(
         norm_bounds=top.norm,
@@ -180,27 +182,27 @@ def verified(found: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]
         active_constraints=used_up,
         stages=stages,
         summary="",
-        worst_case=None if worst is None else max((worst, top), key=share_used),
+        worst_case=None if worst is None else max((worst, top), key=budget_ratio),
     )
-    edges = [told for plant, loop in zip(plants, loops, strict=True) if (told := edge_of(plant, loop))]
+    edges = [note for plant, loop in zip(plants, loops, strict=True) if (note := edge_of(plant, loop))]
     return TuneResult(
         K,
         tuple(replace(loop, state_labels=()) for loop in loops),
         largest,
         top.value,
-        replace(certificate, summary=_summary(certificate, top, found, edges)),
+        replace(certificate, summary=_summary(certificate, top, search, edges)),
         problem.values(x),
         problem.physical_values(x),
-        tuple(found.starts),
+        tuple(search.starts),
         labels,
         plants,
-        found.deadline.elapsed,
+        search.deadline.elapsed,
     )
 
 
-def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
-    """Return the bounds that are used up; raise where one is exceeded."""
-    problem, result = found.problem, []
+def _used_up(search: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
+    """Return the active bounds; raise an error if one is exceeded."""
+    problem, result = search.problem, []
     for item, number, low, high in zip(problem.free, point.x, problem.low, problem.high, strict=True):
         for end, name in ((low, "least"), (high, "largest")):
             if abs(number - end) <= _AT_END * (high - low):
@@ -214,19 +216,19 @@ def _used_up(found: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str
     for norm in norms:
         if norm.channel.budget is None:
             continue
-        if share_used(norm) > 1.0 + CERTIFIED:
+        if budget_ratio(norm) > 1.0 + CERTIFIED:
             none = "no controller found keeps its budget"
-            what = "the budgets cannot all be kept as far as was found" if problem.budgets_alone else none
+            what = "no controller found satisfies all budgets" if problem.budgets_alone else none
             where = f", {norm.model}" if norm.model else ""
             value = f"is {norm.value:.6g}, allowed are {norm.channel.budget:.6g}"
             raise SynthesisError(f"{what}: {norm.channel.text}{where} {value}")
-        if share_used(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
+        if budget_ratio(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
             result.append(f"budget of the {norm.channel.text}")
     return tuple(dict.fromkeys(result))
 
 
-def _summary(c: DesignCertificate, top: ChannelNorm, found: Search, edges: list[str]) -> str:
-    models = len(found.problem.plants.models)
+def _summary(c: DesignCertificate, top: ChannelNorm, search: Search, edges: list[str]) -> str:
+    models = len(search.problem.plants.models)
     kind = "verified" if top.norm.verified else f"between {top.norm.lower_bound:.6g} and {top.norm.upper_bound:.6g}"
     over = f", the largest of {models} models" if models > 1 else ""
     said = [f"{top.channel.text} {top.value:.6g}{over}, {kind}"]
@@ -238,9 +240,9 @@ def _summary(c: DesignCertificate, top: ChannelNorm, found: Search, edges: list[
         said.append(f"controllers of any order might go far lower: {known}")
     else:
         said.append(f"no bound on other controllers: {c.lower_bound_source.removeprefix('none: ')}")
-    same = sum(isfinite(s.objective) and abs(s.objective / exp(found.value) - 1.0) < _ACTIVE for s in found.starts)
+    same = sum(isfinite(s.objective) and abs(s.objective / exp(search.value) - 1.0) < _ACTIVE for s in search.starts)
     said.append(f"stationary to {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
-    said.append(f"{same} of {len(found.starts)} starts came here")
+    said.append(f"{same} of {len(search.starts)} starts came here")
     if c.worst_case is not None:
         said.append(f"over the family {c.worst_case.value:.6g} at most as far as was found ({c.worst_case.model})")
     if c.active_constraints:

@@ -1,12 +1,12 @@
-"""A norm that no controller goes below, of any order, on plants that the Riccati equations do not take as they are.
+"""Lower bound on the norm for controllers of any order, for plants that violate assumptions of the Riccati equations.
 
-They want every measurement to carry noise of its own and every control to be weighed.  A measurement without noise may be
-replaced by ``(d/dt + a)`` times itself, which carries that of its rate: a controller that reads the one is, with
-``1/(s + a)`` in front, a controller that reads the other, and the loop is the same.  Where no rate of a measurement is
-disturbed, there being fewer disturbances than measurements, the controller is told the disturbances themselves: that is
-state feedback (Doyle, Glover, Khargonekar & Francis 1989), and no controller beats it.  Controls are measurements of the
-dual plant.  Where a zero lies on the imaginary axis, the plant and the controller are looked at a little to the right of
-it, ``s + e`` in place of ``s``: what is stable stays so, and by the maximum principle no norm grows.
+The equations require noise on every measurement and a weight on every control.  A measurement without noise may be replaced
+by ``(d/dt + a)`` times itself, which has the noise of its rate: a controller of the one is, with ``1/(s + a)`` in front, a
+controller of the other, with the same loop.  If no rate of a measurement is disturbed, because there are fewer disturbances
+than measurements, the controller may measure the disturbances: this is state feedback (Doyle, Glover, Khargonekar & Francis
+1989), a bound for all controllers.  Controls are measurements of the dual plant.  If a zero is on the imaginary axis, plant
+and controller are evaluated slightly to the right of it, at ``s + e`` in place of ``s``: stability is preserved, and by the
+maximum principle no norm grows.
 """
 
 import numpy as np
@@ -21,37 +21,37 @@ from boomctl.synthesis.hinf.bounds import lowest_level
 from boomctl.synthesis.hinf.normal_form import normalized
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_TOLERANCE = 1e-4  # to which the lowest level is found (a choice)
-_SHIFTS = (0.0, 1e-6, 1e-4)  # to the right, over the fastest pole: what is lost is of this order (a choice)
-_FAILED = (SynthesisError, np.linalg.LinAlgError, ValueError)  # how numbers that the equations cannot take end
+_TOLERANCE = 1e-4  # relative tolerance of the lowest level
+_SHIFTS = (0.0, 1e-6, 1e-4)  # shifts of the axis over the fastest pole: the bound is lower by about this order
+_FAILED = (SynthesisError, np.linalg.LinAlgError, ValueError)  # errors if the equations have no solution
 
 
 def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float, str]:
-    """Return a norm that no stabilizing controller goes below, whatever its order.
+    """Compute a lower bound on the norm for stabilizing controllers of any order.
 
     Parameters
     ----------
     plant : GeneralizedPlant
-        In continuous time.
+        Continuous-time plant.
     deadline : Deadline
-        When to give up.
+        Time limit.
 
     Returns
     -------
     lower : float
-        The norm.
-    told : str
-        What stands in for measurements without noise and controls without weight, and from where the axis was seen.
+        Lower bound on the norm.
+    notes : str
+        Replacements of measurements without noise and controls without weight, and shift of the axis.
 
     Raises
     ------
     SynthesisError
-        None was proved.
+        If no bound is proved.
     """
     reason = ""
     for shift in _SHIFTS:
         try:
-            measured, seen = _noisy(_shifted(plant, shift))
+            measured, replaced = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
             bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
         except OutOfTimeError as over:
@@ -59,31 +59,31 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
         except _FAILED as error:
             reason = reason or " ".join(str(error).split())
             continue
-        told = {"measurements": seen, "controls": moved, "axis": "seen from its right" if shift else ""}
-        return bounds.lower, "; ".join(f"{name}: {text}" for name, text in told.items() if text)
+        notes = {"measurements": replaced, "controls": moved, "axis": "shifted to the right" if shift else ""}
+        return bounds.lower, "; ".join(f"{name}: {text}" for name, text in notes.items() if text)
     raise SynthesisError(reason)
 
 
-def _shifted(plant: GeneralizedPlant, share: float) -> GeneralizedPlant:
-    """Return the plant seen from the right of the imaginary axis, and without ``D22``, for which a controller can make up."""
+def _shifted(plant: GeneralizedPlant, fraction: float) -> GeneralizedPlant:
+    """Return the plant on a shifted axis and without ``D22``, which a controller can compensate."""
     old, rate = plant.system, _fastest(plant.A)
     through = old.D.copy()
     through[plant.nz :, plant.nw :] = 0.0
-    A = plant.A - share * rate * np.eye(len(plant.A))
+    A = plant.A - fraction * rate * np.eye(len(plant.A))
     system = Lti(A, old.B, old.C, through, old.input_labels, state_labels=old.state_labels)
     return GeneralizedPlant(system, plant.nmeas, plant.ncon)
 
 
 def _fastest(A: Array) -> float:
-    """Return the largest magnitude of the poles [rad/s]; 1 where there is none."""
+    """Return the largest magnitude of the poles [rad/s]; 1 without nonzero poles."""
     return float(np.abs(np.linalg.eigvals(A)).max(initial=0.0)) or 1.0
 
 
 def _noisy(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, str]:
-    """Return a plant whose ``D21`` has full row rank, on which a controller can do no less, and how it came about."""
+    """Return a plant whose ``D21`` has full row rank and whose optimal norm is no larger, and a note on its measurements."""
     A, B1, C, D = plant.A, plant.B1, plant.C2, plant.D21
     rate = _fastest(A)
-    # share of the largest singular value below which a row of D21 counts as none
+    # singular values of D21 below rounding error count as zero
     floor = ALIKE * max(np.linalg.norm(D), np.linalg.norm(C) * np.linalg.norm(B1) / rate)
     for turn in range(len(A) + 1):
         left, values, _ = np.linalg.svd(D)
@@ -97,12 +97,12 @@ def _noisy(plant: GeneralizedPlant) -> tuple[GeneralizedPlant, str]:
 
 
 def _disturbance_feedback(A: Array, B1: Array) -> Array:
-    """Return ``F`` with ``A - B1 F`` stable: from ``w + F x`` a controller knows ``w`` and, in the end, ``x``.
+    """Return ``F`` with ``A - B1 F`` stable: from ``w + F x`` a controller can estimate ``w`` and, asymptotically, ``x``.
 
     Raises
     ------
     SynthesisError
-        The disturbances do not reach an unstable mode.
+        If an unstable mode is uncontrollable from the disturbances.
     """
     said = "the disturbances, fewer than the measurements, leave an unstable or undamped mode unmoved"
     try:

@@ -1,4 +1,4 @@
-"""Starts of the user's own: free numbers by name, or a controller whose matrices are all free."""
+"""User-defined starts: free parameters by name, or a controller whose matrices are all free."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 
-_QUIET = 1e-2  # gains of a state more, over their natural size (a choice)
+_QUIET = 1e-2  # gains of an additional state over their natural size
 
 
-def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller") -> Array:
-    """Return a start that is given by name or as a controller; what is left out is in the middle or zero.
+def initial_numbers(problem: Problem, initial: "Mapping[str, float] | Controller") -> Array:
+    """Return a start from parameters by name or a controller; other parameters are in the middle of their ranges or zero.
 
     Raises
     ------
@@ -28,13 +28,15 @@ def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller")
         or scales.
     """
     result, scales = problem.middle, problem.plants.middle[0].system.scales
-    if is_statespace(given) or hasattr(given, "controller"):
-        K = controller_of(given, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales)
+    if is_statespace(initial) or hasattr(initial, "controller"):
+        K = controller_of(
+            initial, "a mapping of free numbers or a StateSpace", what="initial_controller", scales=scales
+        )
         check_scales(K, scales)
         start, x = _of_controller(problem, K)
         result[start : start + len(x)] = x
         return result
-    numbers = mapping("initial_controller", given, "free numbers to values, or a StateSpace")
+    numbers = mapping("initial_controller", initial, "free numbers to values, or a StateSpace")
     for name in numbers:
         known("free number", name, [item.name for item in problem.free])
     for i, item in enumerate(problem.free):
@@ -47,15 +49,15 @@ def initial_numbers(problem: Problem, given: "Mapping[str, float] | Controller")
 
 
 def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
-    """Return where the free numbers of a controller begin, and these; further states do nothing yet."""
+    """Return the offset of a controller's free parameters, and their values; additional states have small gains."""
     parts, ports, n = terms(problem.structure), problem.ports, len(K.A)
-    places = [i for i, part in enumerate(parts) if isinstance(part, StateSpace)]
-    if len(places) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
+    indices = [i for i, part in enumerate(parts) if isinstance(part, StateSpace)]
+    if len(indices) != 1 or any(not isinstance(part, (StateSpace, Physical)) for part in parts):
         raise ValueError(
             f"initial_controller = a StateSpace: expected a structure tunable.state_space, got {problem.structure.text};"
             " give its free numbers by name"
         )
-    wanted = parts[places[0]]
+    wanted = parts[indices[0]]
     assert isinstance(wanted, StateSpace)
     if n > wanted.order:
         raise ValueError(f"initial_controller: expected a controller of at most {wanted.order} states, got {n}")
@@ -70,11 +72,11 @@ def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
     x, rng = np.concatenate([K.A.ravel(), K.B.ravel(), K.C.ravel(), through]) * numbers, np.random.default_rng(0)
     for order in range(n + 1, wanted.order + 1):
         x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng, _QUIET)
-    return sum(len(part.free(ports)) for part in parts[: places[0]]), x
+    return sum(len(part.free(ports)) for part in parts[: indices[0]]), x
 
 
 def _in_order(kind: str, mine: tuple[str, ...], theirs: tuple[str, ...]) -> list[int]:
-    """Return the places of a controller's signals in the plant's order; those that were never named are in order already."""
+    """Return the indices of a controller's signals in the plant's order; default names are in order already."""
     if set(mine) == set(theirs):
         return [mine.index(name) for name in theirs]
     if mine != tuple(f"{'u' if kind == 'input' else 'y'}[{i}]" for i in range(len(theirs))):

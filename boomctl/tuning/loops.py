@@ -11,34 +11,34 @@ from boomctl.lti.modal import block_diagonal
 from boomctl.lti.rounding import TINY
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_MARGIN = 1e-9  # share of a loop's own band by which its poles stay left of the axis: above rounding (a choice)
-_INDEPENDENT = 1e7  # size of the inverse of eigenvectors up to which responses keep eight digits (a choice)
-_HAIR = 1e-7  # share of itself by which such an eigenvalue is moved: far less than norms are tuned to
-_ILL_POSED = 1e-10  # least singular value of I - K D22 up to which a loop is not well-posed (a choice)
+_MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
+_INDEPENDENT = 1e7  # norm of the inverse eigenvector matrix up to which responses have eight accurate digits
+_HAIR = 1e-7  # relative perturbation that separates defective eigenvalues: far below the tolerance of the norms
+_ILL_POSED = 1e-10  # smallest singular value of I - K D22 up to which a loop is not well-posed
 
 
 @dataclass(frozen=True)
 class ScaledPlant(GeneralizedPlant):
-    """A generalized plant in units in which its gains are near one, and with balanced states.
+    """Generalized plant with balanced states, and its derivatives by physical parameters.
 
     Attributes
     ----------
-    slopes, bends : ndarray or None
+    jacobian, hessian : ndarray or None
         First and second derivatives of ``[[A, B], [C, D]]`` by physical parameters, (k, r, c) and (k, k, r, c).
     order : int
-        Of the controller.
+        Order of the controller.
     """
 
-    slopes: Array | None = None
-    bends: Array | None = None
+    jacobian: Array | None = None
+    hessian: Array | None = None
     order: int = 0
 
     @cached_property
     def frame(self) -> tuple[Array, Array, Array, Array]:
-        """The plant with the states of a controller beside its own, that read and do nothing yet.
+        """Plant augmented with controller states that are not yet connected.
 
-        These are ``[[A, B], [C, D]]`` from disturbances to performance, what the rates of the controller's states and its
-        controls add to that, and what the states and the measurements read of it; last what these read of the controls.
+        It contains ``[[A, B], [C, D]]`` from disturbances to performance, its input matrix from the rates of the controller
+        states and the controls, its output matrix to these states and the measurements, and the feedthrough between them.
         """
         n, order, nz, nw = len(self.A), self.order, self.nz, self.nw
         end = n + order
@@ -52,23 +52,23 @@ class ScaledPlant(GeneralizedPlant):
 
 
 def without_jordan_blocks(A: Array) -> Array:
-    """Return a matrix whose equal eigenvalues without eigenvectors of their own, as of weights, are a hair apart.
+    """Return a matrix with defective eigenvalues, for example of weights, separated by a small perturbation.
 
-    The search alone uses it: responses are then fast, and off by no more than that hair.
+    Used only by the search: responses are then fast to compute, with an error of the order of the perturbation.
     """
     if not len(A) or independent(A) is not None:
         return A
     blocks, columns, widths = block_diagonal(A, _INDEPENDENT**0.5)
-    start, apart = 0, np.zeros_like(A)
+    start, perturbation = 0, np.zeros_like(A)
     for width in widths:
         part = slice(start, start + width)
         block = blocks[part, part]
-        if width > 1 and independent(block) is None:  # the transpose of what is nilpotent tells them apart the most
+        if width > 1 and independent(block) is None:  # the transposed nilpotent part separates them most
             nilpotent = block - np.eye(width) * np.trace(block) / width
             size = float(np.linalg.norm(nilpotent))
-            apart[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
+            perturbation[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
         start += width
-    result = A + columns @ apart @ np.linalg.inv(columns)
+    result = A + columns @ perturbation @ np.linalg.inv(columns)
     return result if independent(result) is not None else A
 
 
@@ -79,18 +79,18 @@ def independent(A: Array) -> tuple[Array, Array, Array] | None:
         inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
         return None
-    if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # of vectors of length one
+    if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # for unit vectors
         return None
     return values.astype(complex), inverse.astype(complex), vectors.astype(complex)
 
 
 @dataclass(frozen=True)
 class Closed:
-    """A closed loop, and what carries changes of the controller's matrices ``[[A, B], [C, D]]`` into it.
+    """Closed loop, and its derivatives by the controller's matrices ``[[A, B], [C, D]]``.
 
-    A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after``, to first order, and
-    reads itself through ``around``.  Where the plant moves with physical parameters, ``d`` is that of the controller and that
-    of the plant's matrix on a diagonal.
+    A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after`` to first order;
+    ``around`` is the feedback of ``d`` on itself.  If the plant depends on physical parameters, ``d`` is block diagonal with
+    the changes of the controller's and of the plant's matrix.
     """
 
     A: Array
@@ -103,9 +103,9 @@ class Closed:
 
     @cached_property
     def coordinates(self) -> tuple[Array, Array, Array]:
-        """``A`` in coordinates in which solving is fast, and the ways into them and out of them.
+        """``A`` in coordinates for fast solving, and the transformations into and out of them.
 
-        Those of the eigenvectors, where these are independent, ``A`` being the vector of the eigenvalues; else those of
+        If the eigenvectors are independent, modal coordinates, with ``A`` the vector of eigenvalues; otherwise those of
         the Schur form.
         """
         if not len(self.A):
@@ -119,7 +119,7 @@ class Closed:
     @cached_property
     def poles(self) -> Array:
         """Eigenvalues [rad/s]."""
-        if "coordinates" not in self.__dict__:  # which take longer, and are not always asked for
+        if "coordinates" not in self.__dict__:  # more expensive and not always needed
             return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
         A = self.coordinates[0]
         return A if A.ndim == 1 else np.diagonal(A)
@@ -131,12 +131,12 @@ class Closed:
 
     @property
     def margin(self) -> float:
-        """By how much the poles are to stay left of the axis, so that rounding cannot take them over it."""
+        """Required distance of the poles from the imaginary axis, above rounding error."""
         return _MARGIN * float(np.abs(self.poles).max(initial=0.0))
 
     @cached_property
     def modes(self) -> tuple[Array, Array, Array]:
-        """Poles, left eigenvectors as rows, and right ones as columns, their products one."""
+        """Poles, left eigenvectors as rows and right ones as columns, normalized to products of one."""
         if self.coordinates[0].ndim == 1:
             return self.coordinates
         values, left, right = linalg.eig(self.A, left=True, right=True, check_finite=False)
@@ -145,7 +145,7 @@ class Closed:
 
 
 def close(plant: ScaledPlant, K: Array) -> Closed | None:
-    """Return a plant closed by a controller ``[[A, B], [C, D]]``; None where the loop is not well-posed."""
+    """Return the closed loop of a plant and a controller ``[[A, B], [C, D]]``; None if it is not well-posed."""
     n, order, nu, ny, nw, nz = len(plant.A), plant.order, plant.ncon, plant.nmeas, plant.nw, plant.nz
     end = n + order
     M, M12, M21, through = plant.frame
@@ -158,13 +158,13 @@ def close(plant: ScaledPlant, K: Array) -> Closed | None:
         gain = inverse @ K
         before, after, around = M12 @ inverse, (np.eye(len(M21)) + through @ gain) @ M21, through @ inverse
     M = M + M12 @ gain @ M21
-    if plant.slopes is not None:  # what the plant adds to its states, outputs and measurements, and what it reads
+    if plant.jacobian is not None:  # rows and columns of the plant's matrix in the loop
         adds, reads = np.zeros((end + nz, n + nz + ny)), np.zeros((n + nw + nu, end + nw))
         adds[:n, :n], adds[end:, n : n + nz] = np.eye(n), np.eye(nz)
         adds[:, n + nz :] = M12 @ gain[:, order:]
         reads[:n, :n], reads[n : n + nw, end:] = np.eye(n), np.eye(nw)
         reads[n + nw :] = gain[order:] @ M21
-        controls, measured = order + ny + n + nw, order + nu + n + nz  # where these begin among what is read and added
+        controls, measured = order + ny + n + nw, order + nu + n + nz  # offsets of their rows and columns
         whole = np.zeros((controls + nu, measured + ny))
         whole[: order + ny, : order + nu] = around
         whole[order : order + ny, measured:] = np.eye(ny) + plant.D22 @ gain[order:, order:]

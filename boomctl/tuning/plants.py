@@ -1,4 +1,4 @@
-"""The plants that one controller is tuned for: given ones, made from physical parameters, or points of a family."""
+"""Plants of a tuning problem: fixed ones, functions of physical parameters, or points of a family."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,50 +19,50 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
 from boomctl.tunable.structures import Physical
 from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 
-_MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning begins from all corners of the box.
-_DEGREES = (1, 2, 4, 8, 16, 32)  # of polynomials, tried in turn: springs, products of two, masses, positions (a choice)
-_ROUNDING = 1e-14  # share of a row's size up to which a coefficient is rounding: 1e2 eps
-_MOST = 400  # plants made for one polynomial at most (a choice of patience)
-_KEPT = 16  # sets of plants that are kept: the last few points of the search (a choice)
-_EXACT = 1e3  # times that by which a polynomial may miss plants: far below what is tuned to (a choice)
+_MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning starts with all vertices of the box.
+_DEGREES = (1, 2, 4, 8, 16, 32)  # polynomial degrees, in order: springs, products of two, masses, positions
+_ROUNDING = 1e-14  # relative size of a coefficient that is rounding error: 1e2 eps
+_MOST = 400  # plants evaluated for one polynomial at most
+_CACHE_SIZE = 16  # cached sets of plants: the last few points of the search
+_EXACT = 1e3  # largest error of a polynomial over rounding error: far below the tolerance of tuning
 
 Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 
 class PlantPolynomial:
-    """A generalized plant whose matrices are polynomials of physical parameters, as numbers between -1 and 1.
+    """Generalized plant whose matrices are polynomials of physical parameters, normalized to -1 to 1.
 
     Parameters
     ----------
     make : function
-        From such numbers to the plant.
+        Maps normalized parameters to the plant.
     size : int
-        How many there are.
+        Number of parameters.
 
     Raises
     ------
     ValueError
-        The plants are no polynomial.
+        If the plants are not polynomials.
     """
 
     def __init__(self, make: Callable[[Array], GeneralizedPlant], size: int) -> None:
         self._plant = make(np.zeros(size))
         self._scales = balance(self._plant.A)[1]
-        made: dict[bytes, Array] = {}
+        matrices: dict[bytes, Array] = {}
 
         def at(points: Sequence[Array]) -> dict[str, Array]:
             for point in points:
-                if point.tobytes() not in made:
-                    if len(made) == _MOST:
+                if point.tobytes() not in matrices:
+                    if len(matrices) == _MOST:
                         raise ValueError(f"{_MOST} plants do not determine them")
                     s = make(point).system
                     rows = np.concatenate([1.0 / self._scales, np.ones(len(s.C))])[:, None]
                     columns = np.concatenate([self._scales, np.ones(s.B.shape[1])])
-                    made[point.tobytes()] = rows * blocks([[s.A, s.B], [s.C, s.D]]) * columns
-            return {"P": np.array([made[point.tobytes()] for point in points])}
+                    matrices[point.tobytes()] = rows * blocks([[s.A, s.B], [s.C, s.D]]) * columns
+            return {"P": np.array([matrices[point.tobytes()] for point in points])}
 
-        def rounding(found: Mapping[str, Array]) -> dict[str, Array | float]:
-            return {"P": _ROUNDING * np.abs(found["P"]).max(axis=(0, 2))[:, None]}
+        def rounding(values: Mapping[str, Array]) -> dict[str, Array | float]:
+            return {"P": _ROUNDING * np.abs(values["P"]).max(axis=(0, 2))[:, None]}
 
         wanted = at(tried_points(size))
         for degree in _DEGREES:
@@ -73,8 +73,8 @@ class PlantPolynomial:
             raise ValueError(f"polynomials of degree {_DEGREES[-1]} miss them")
         p = ca.SX.sym("p", size)
         powers = ca.vertcat(*(ca.mtimes([ca.SX(1), *(p[i] for i in term)]) for term in terms["P"]))
-        slopes = ca.jacobian(powers, p)
-        self._powers = ca.Function("powers", [p], [powers, slopes, ca.jacobian(ca.vec(slopes.T), p)])
+        jacobian = ca.jacobian(powers, p)
+        self._powers = ca.Function("powers", [p], [powers, jacobian, ca.jacobian(ca.vec(jacobian.T), p)])
         self._terms = np.array([*terms["P"].values()])
         self.degrees = tuple(max(term.count(i) for term in terms["P"]) for i in range(size))
 
@@ -82,24 +82,24 @@ class PlantPolynomial:
         """Return the plant with balanced states, and its derivatives."""
         k, s, n, plant = len(numbers), self._plant.system, len(self._plant.A), self._plant
         powers = [np.asarray(item) for item in self._powers(numbers)]
-        result, slopes, bends = (
+        result, jacobian, hessian = (
             np.tensordot(item.reshape(len(self._terms), -1), self._terms, (0, 0)) for item in powers
         )
         M = result[0]
         system = replace(s, A=without_jordan_blocks(M[:n, :n]), B=M[:n, n:], C=M[n:, :n], D=M[n:, n:])
-        return ScaledPlant(system, plant.nmeas, plant.ncon, slopes, bends.reshape(k, k, *M.shape), order)
+        return ScaledPlant(system, plant.nmeas, plant.ncon, jacobian, hessian.reshape(k, k, *M.shape), order)
 
 
 @dataclass(frozen=True)
 class Model:
-    """One of the plants as a function of physical parameters.
+    """Plant as a function of physical parameters.
 
     Attributes
     ----------
     label : str
-        What it is called.
+        Name of the model.
     make : function
-        Returns it from values of the parameters.
+        Maps parameter values to the plant.
     physical : tuple of Physical
         The parameters.
     """
@@ -108,8 +108,8 @@ class Model:
     make: Maker
     physical: tuple[Physical, ...]
 
-    def given(self, numbers: Array) -> GeneralizedPlant:
-        """Return the plant as the user means it, from numbers between -1 and 1."""
+    def original(self, numbers: Array) -> GeneralizedPlant:
+        """Return the original plant for normalized parameters."""
         return self.make({item.name: item.number.value(x) for item, x in zip(self.physical, numbers, strict=True)})
 
     @cached_property
@@ -119,10 +119,10 @@ class Model:
         Raises
         ------
         ValueError
-            It is none.
+            If it is not a polynomial.
         """
         try:
-            return PlantPolynomial(self.given, len(self.physical))
+            return PlantPolynomial(self.original, len(self.physical))
         except ValueError as error:
             names, where = ", ".join(item.name for item in self.physical), f" of {self.label}" if self.label else ""
             reason = " ".join(str(error).split())
@@ -135,7 +135,7 @@ class Model:
         """Return the plant with balanced states, and its derivatives, for a controller of some order."""
         if self.physical:
             return self.polynomial.scaled(numbers, order)
-        plant = self.given(numbers)
+        plant = self.original(numbers)
         system = plant.system.balanced()
         return ScaledPlant(replace(system, A=without_jordan_blocks(system.A)), plant.nmeas, plant.ncon, order=order)
 
@@ -149,12 +149,12 @@ class Plants:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """What the plants are called."""
+        """Names of the plants."""
         return tuple(model.label for model in self.models)
 
-    def given(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
-        """Return the plants as the user means them, from numbers between -1 and 1."""
-        return tuple(model.given(numbers) for model in self.models)
+    def original(self, numbers: Array) -> tuple[GeneralizedPlant, ...]:
+        """Return the original plants for normalized parameters."""
+        return tuple(model.original(numbers) for model in self.models)
 
     @cached_property
     def middle(self) -> tuple[GeneralizedPlant, ...]:
@@ -163,9 +163,9 @@ class Plants:
         Raises
         ------
         ValueError
-            They have not the same signals and scales.
+            If their signals or scales differ.
         """
-        result = self.given(np.zeros(len(self.physical)))
+        result = self.original(np.zeros(len(self.physical)))
         first = result[0].system
         for i, plant in enumerate(result[1:], 2):
             for kind in ("input", "output"):
@@ -187,11 +187,11 @@ class Plants:
 
     @cached_property
     def _scaled(self) -> Callable[[tuple[float, ...], int], tuple[ScaledPlant, ...]]:
-        return lru_cache(_KEPT)(lambda x, order: tuple(model.scaled(np.array(x), order) for model in self.models))
+        return lru_cache(_CACHE_SIZE)(lambda x, order: tuple(model.scaled(np.array(x), order) for model in self.models))
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """How derivatives by physical parameters are known."""
+        """Stages on the derivatives by physical parameters."""
         if not self.physical:
             return ()
         degrees = zip(*(model.polynomial.degrees for model in self.models), strict=True)
@@ -205,36 +205,36 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, not finite; counts out of range.
+        If `P` is not a continuous, finite system, or a count is out of range.
     """
     if nmeas == 0 and ncon == 0:
         return GeneralizedPlant(of(P, "P", "StateSpace"), 0, 0)
     return partition(P, nmeas, ncon)
 
 
-def made_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
-    """Return given plants, or those that functions of the physical parameters make, where there are such."""
+def build_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
+    """Return the plants, from systems or from functions of the physical parameters."""
 
-    def maker(each: Any) -> Maker:
-        if not physical or not callable(each) or hasattr(each, "ninputs"):
-            plant = partitioned(each, nmeas, ncon)
+    def maker(item: Any) -> Maker:
+        if not physical or not callable(item) or hasattr(item, "ninputs"):
+            plant = partitioned(item, nmeas, ncon)
             return lambda values: plant
-        make = function_of("P", each, "a mapping of physical parameters to a generalized plant")
+        make = function_of("P", item, "a mapping of physical parameters to a generalized plant")
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
-    return Plants(tuple(Model(label, maker(each), physical) for label, each in zip(labels, P, strict=True)), physical)
+    return Plants(tuple(Model(label, maker(item), physical) for label, item in zip(labels, P, strict=True)), physical)
 
 
 @dataclass(frozen=True)
 class FamilyPlants:
-    """A family, and what makes a generalized plant of each of its structures.
+    """Family of structures, and the function from a structure to a generalized plant.
 
     Attributes
     ----------
     family : Family
     make : function
-        From a structure of the family to a generalized plant.
+        Maps a structure of the family to a generalized plant.
     nmeas, ncon : int or None
     physical : tuple of Physical
         Parameters of the family that are tuned; the others are uncertain.
@@ -248,7 +248,7 @@ class FamilyPlants:
 
     @property
     def uncertain(self) -> list[int]:
-        """Places of the family's uncertain parameters."""
+        """Indices of the family's uncertain parameters."""
         tuned = {item.name for item in self.physical}
         return [i for i, name in enumerate(self.family.names) if name not in tuned]
 
@@ -271,7 +271,7 @@ class FamilyPlants:
         return Model(label, lambda values: self.plant(values, point), self.physical)
 
     def plants(self) -> Plants:
-        """Return the plants in the middle of the uncertain box and at its corners; of many parameters the middle alone."""
+        """Return the plants at the center and the vertices of the uncertain box; for many parameters at the center only."""
         size = len(self.uncertain)
         corners = product((-1.0, 1.0), repeat=size) if 0 < size <= _MOST_PARAMETERS else ()
         points = [np.zeros(size), *map(np.array, corners)]

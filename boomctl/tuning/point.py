@@ -1,8 +1,8 @@
-"""What the search sees of the loops: values and gradients of peaks, H2 norms and bounds on poles and gains.
+"""Functions of the search at one point: values and gradients of peaks, H2 norms and bounds on poles and gains.
 
-Norms count as logarithms, over their budget where they have one, so that units do not matter.  A piece lies nowhere above
-what it stands for and touches it here: one singular value at one frequency, one pole.  What controls and physical parameters
-change is carried by the chain rule.
+Norms are logarithms, over their budget if any, so that units do not matter.  An active function is a lower bound of a norm
+or bound, equal to it at the point: one singular value at one frequency, or one pole.  Derivatives by the parameters of
+controller and plant follow from the chain rule.
 """
 
 from collections.abc import Callable
@@ -16,27 +16,27 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
-from boomctl.tuning.responses import BELOW, Passage, Response, same_place
+from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 
-_TINY = 1e-100  # norm that stands for zero, whose logarithm is a number
-# share of its frequency by which a peak may lie beside another frequency and stand for it: its bend is that of all so near
-BESIDE = 1e-3  # (measured: with 1e-6 twice the steps, with 1e-4 to 1e-2 as many)
-_MIXED = (1.0, -1.0, 1j, -1j)  # phases in which two singular vectors of like values are mixed (a choice)
-_ALIKE_POLES = 0.05  # how near to the highest a pole's bound must come to be a piece (a choice)
-_NEAR_EDGE = 4.0  # times as far from the edge of stability as asked for, up to which a pole is a piece (a choice)
+_TINY = 1e-100  # norm in place of zero, with a finite logarithm
+# relative distance within which a peak represents another frequency: their second derivatives are nearly equal
+PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
+_MIXED = (1.0, -1.0, 1j, -1j)  # phases of combinations of two singular vectors with nearly equal values
+_ALIKE_POLES = 0.05  # distance to the highest bound on poles within which a pole is an active function
+_NEAR_EDGE = 4.0  # ratio to the required distance from the edge of stability up to which a pole is an active function
 
 
 class Height(NamedTuple):
-    """A norm or a bound, and where it is.
+    """Norm or bound, with its model, channel and frequency.
 
     Attributes
     ----------
     model, channel : int
-        Which plant, and which channel; a negative channel is a bound, `CONTROLLER` as model the controller itself.
+        Indices of plant and channel; a negative channel is a bound, the model `CONTROLLER` is the controller itself.
     omega : float
-        Frequency [rad/s], infinity included; nan of an H2 norm.
+        Frequency [rad/s], possibly infinite; nan for an H2 norm.
     value : float
-        A logarithm of a norm, over its budget if it has one; of a bound, below zero where it is kept.
+        Logarithm of a norm, over its budget if any; or a bound, at most zero if it is satisfied.
     pole : complex
         The pole of a bound on poles.
     """
@@ -48,19 +48,19 @@ class Height(NamedTuple):
     pole: complex = 0.0
 
 
-class Piece(NamedTuple):
-    """One function that is to be small: a `Height` of the largest singular value, of one below it, or of a pole.
+class ActiveFunction(NamedTuple):
+    """Active function: a `Height` of the largest singular value, of a smaller one, or of a pole.
 
     Attributes
     ----------
     model, channel, omega, value
-        As of `Height`.
+        See `Height`.
     gradient : ndarray
-        By the free numbers.
+        Gradient by the free parameters.
     limit : bool
-        Whether it is only to stay below zero.
+        True for a constraint (<= 0), False for an objective.
     top : bool
-        Whether it is the largest singular value itself.
+        True for the largest singular value itself.
     passage : Passage or None
         The channel at that frequency.
     """
@@ -76,17 +76,17 @@ class Piece(NamedTuple):
 
 
 class Point:
-    """The loops at one choice of the free numbers.
+    """Closed loops at given free parameters.
 
     Parameters
     ----------
     problem : Problem
     x : ndarray
-        Free numbers.
+        Free parameters.
     known : dict, optional
-        Frequencies at which channels of models are looked at besides those that the poles show.
+        Additional frequencies of the grid, by model and channel.
     edge : float, optional
-        How far from the edge of stability the search keeps for now: decay of a pole over its size.
+        Current smallest distance from the edge of stability: decay rate of a pole over its modulus.
     """
 
     def __init__(
@@ -100,10 +100,10 @@ class Point:
         self._limits = dict(problem.limits) if edge is None else {**problem.limits, EDGE: edge}
         self._known = {} if known is None else known
         self._squares: dict[tuple[int, int], tuple[float, Array]] = {}
-        self._slopes: dict[int, Array] = {}
+        self._jacobians: dict[int, Array] = {}
 
-    def beside(self, x: Array) -> "Point":
-        """Return the loops at other free numbers."""
+    def with_parameters(self, x: Array) -> "Point":
+        """Return the loops at other free parameters."""
         return Point(self.problem, x, self._known, self.edge)
 
     # -- loops -----------------------------------------------------------------------------------------------------
@@ -119,7 +119,7 @@ class Point:
 
     @cached_property
     def loops(self) -> list[Closed | None]:
-        """The closed loops, None where one is not well-posed; last the controller by itself."""
+        """Closed loops, None if not well-posed; the last one is the controller itself."""
         K, n = self.controller, self.problem.order
         around = np.eye(K.shape[0]), np.eye(K.shape[1]), np.zeros(K.T.shape)
         alone = Closed(K[:n, :n], K[:n, n:], K[n:, :n], K[n:, n:], *around)
@@ -135,44 +135,44 @@ class Point:
         assert result is not None
         return result
 
-    def slopes(self, model: int) -> Array:
-        """Return derivatives, as rows, of what moves in a loop: the controller's matrices, and the plant's beside them."""
-        if model not in self._slopes:
-            result = self.problem.matrix.slopes(self.x)
-            moving = None if model == CONTROLLER else self.plants[model].slopes
+    def jacobian(self, model: int) -> Array:
+        """Return the derivatives of the controller's matrices, and of the plant's if it depends on parameters, as rows."""
+        if model not in self._jacobians:
+            result = self.problem.matrix.jacobian(self.x)
+            moving = None if model == CONTROLLER else self.plants[model].jacobian
             if moving is not None:
                 (r, c), (p, q) = self.controller.shape, moving.shape[1:]
                 both = np.zeros((len(result), r + p, c + q))
                 both[:, :r, :c] = result.reshape(len(result), r, c)
                 both[self.problem.physical, r:, c:] = moving
                 result = both.reshape(len(result), -1)
-            self._slopes[model] = result
-        return self._slopes[model]
+            self._jacobians[model] = result
+        return self._jacobians[model]
 
-    def bends(self, model: int, weights: Array) -> Array:
-        """Return second derivatives of the sum of the entries of the same times weights."""
+    def hessian(self, model: int, weights: Array) -> Array:
+        """Return second derivatives of the weighted sum of the entries of these matrices."""
         r, c = self.controller.shape
-        result = self.problem.matrix.bends(self.x, weights[:r, :c])
-        moving = None if model == CONTROLLER else self.plants[model].bends
+        result = self.problem.matrix.hessian(self.x, weights[:r, :c])
+        moving = None if model == CONTROLLER else self.plants[model].hessian
         if moving is not None:
             result[np.ix_(self.problem.physical, self.problem.physical)] += np.tensordot(moving, weights[r:, c:], 2)
         return result
 
     @cached_property
     def well_posed(self) -> bool:
-        """Whether all loops are."""
+        """True if all loops are well-posed."""
         finite = bool(np.isfinite(self.controller).all())
         return finite and all(loop is not None and np.isfinite(loop.A).all() for loop in self.loops)
 
     @cached_property
     def stable(self) -> bool:
-        """Whether all loops of plants are."""
+        """True if all loops of plants are stable."""
         if not self.well_posed:
             return False
         for model in self._models:
             loop = self.loop(model)
             if self.curves:
-                _ = loop.coordinates  # which peaks ask for next, and hold the poles
+                _ = loop.coordinates  # needed for peaks next, and contain the poles
             if not loop.abscissa < -loop.margin:
                 return False
         return True
@@ -181,7 +181,7 @@ class Point:
     def abscissa(self) -> "tuple[float, Callable[[], Array]]":
         """Return the largest real part of all loops' poles, over the plant's rate, and its gradient.
 
-        A pole of the controller that is faster than allowed counts too.
+        A controller pole that is faster than allowed is included.
         """
         if not self.well_posed:
             return inf, lambda: np.zeros_like(self.x)
@@ -192,16 +192,16 @@ class Point:
         return worst.value, lambda: self._gradient(worst)
 
     def _distances(self, poles: Array) -> Array:
-        """Return how far poles are from the axis, over their size and the plant's slowest rate together."""
+        """Return the distances of poles from the axis, over the sum of modulus and the plant's slowest rate."""
         return -poles.real / (np.abs(poles) + self.problem.ports.slowest)
 
     @cached_property
-    def apart(self) -> float:
-        """How far the loops are from the edge of stability."""
+    def edge_distance(self) -> float:
+        """Smallest relative distance of the loops from the edge of stability."""
         return min(float(self._distances(self.loop(i).poles).min(initial=1.0)) for i in self._models)
 
     def _bound(self, kind: int, poles: Array) -> tuple[Array, Array]:
-        """Return how poles keep to a bound, and ``w``: a change ``d`` of a pole changes that by the real part of ``w* d``."""
+        """Return the values of a bound on poles, and ``w``: for a change ``d`` of a pole they change by ``Re(w* d)``."""
         ports, size, limit = self.problem.ports, np.maximum(np.abs(poles), _TINY), self._limits[kind]
         if kind == FASTEST_POLE:
             return size / limit - 1.0, poles / size / limit
@@ -209,11 +209,11 @@ class Point:
             return poles.real / size + limit, 1.0 / size - poles.real * poles / size**3
         if kind == DECAY:
             return (poles.real + limit) / ports.rate, np.full(len(poles), 1.0 / ports.rate)
-        apart = np.maximum(self._distances(poles), _TINY)
-        return np.log(limit / apart), poles / size / (size + ports.slowest) - 1.0 / poles.real
+        distances = np.maximum(self._distances(poles), _TINY)
+        return np.log(limit / distances), poles / size / (size + ports.slowest) - 1.0 / poles.real
 
     def _of_kind(self, model: int, kind: int) -> list[Height]:
-        """Return how the poles nearest to a bound of some kind keep to it."""
+        """Return the values of a bound of some kind for the poles nearest to it."""
         poles = self.loop(model).poles
         if kind not in self._limits or not len(poles):
             return []
@@ -232,7 +232,7 @@ class Point:
     # -- norms -----------------------------------------------------------------------------------------------------
     @cached_property
     def curves(self) -> dict[tuple[int, int], Response]:
-        """The channels whose H-infinity norm counts by model and channel, the controller's own last."""
+        """Responses of channels with H-infinity norms by model and channel; the controller's is last."""
         problem, result = self.problem, {}
         for i in self._models:
             for c, channel in enumerate(problem.channels):
@@ -265,15 +265,15 @@ class Point:
         return [*map(self._peak, self.curves), *self.squares]
 
     def _highest(self, limits: bool) -> Height | None:
-        """Return the highest objective, or the highest of what is limited."""
+        """Return the highest objective, or the highest constraint."""
         pairs = [pair for pair in self.curves if self.problem.is_limit(pair[1]) == limits]
         rough = [(self._scaled(pair[1], self.curves[pair].coarse[2]), pair) for pair in pairs]
         of_poles = self.bounds if limits else []
-        found = [*(item for item in self.squares if self.problem.is_limit(item.channel) == limits), *of_poles]
-        best = max(found, key=lambda item: item.value, default=None)
-        for seen, pair in sorted(rough, reverse=True):
-            if best is not None and seen < best.value + log(BELOW):
-                break  # the grid shows so much of a peak that none of these is higher
+        candidates = [*(item for item in self.squares if self.problem.is_limit(item.channel) == limits), *of_poles]
+        best = max(candidates, key=lambda item: item.value, default=None)
+        for level, pair in sorted(rough, reverse=True):
+            if best is not None and level < best.value + log(BELOW):
+                break  # the grid bounds the peaks: none of these is higher
             peak = self._peak(pair)
             best = peak if best is None or peak.value > best.value else best
         return best
@@ -287,7 +287,7 @@ class Point:
 
     @cached_property
     def over(self) -> Height | None:
-        """The worst of what is limited."""
+        """The worst constraint."""
         return self._highest(limits=True)
 
     @property
@@ -297,11 +297,11 @@ class Point:
 
     @property
     def excess(self) -> float:
-        """By how much the worst bound is exceeded; zero or less where all are kept."""
+        """Value of the worst constraint; at most zero if all are satisfied."""
         return -inf if self.over is None else self.over.value
 
     def merit(self, weight: float) -> "tuple[float, Callable[[], Array]]":
-        """Return the largest objective plus ``weight`` times what the worst bound is exceeded by, and its gradient."""
+        """Return the largest objective plus ``weight`` times the worst violation, and its gradient."""
         if not self.stable or not isfinite(self.aim) or not self.excess < inf:
             return inf, lambda: np.zeros_like(self.x)
         over = self.over if self.excess > 0.0 else None
@@ -310,28 +310,28 @@ class Point:
         return self.aim + weight * over.value, lambda: self._gradient(self.top) + weight * self._gradient(over)
 
     # -- pieces ----------------------------------------------------------------------------------------------------
-    def pieces(
-        self, window: float, asked: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
-    ) -> list[Piece]:
-        """Return the pieces within a share of what counts: of the highest objective, and of budgets nearly used up.
+    def active_functions(
+        self, window: float, requested: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
+    ) -> list[ActiveFunction]:
+        """Return the active functions within a relative window of the highest objective, or of budgets.
 
-        Beside the peaks these are frequencies that are asked for, and those of the grid within the share ``between``.
+        These are peaks, requested frequencies, and frequencies of the grid within the fraction ``between``.
         """
-        result: list[Piece] = []
+        result: list[ActiveFunction] = []
         for pair, curve in self.curves.items():
             high = self._near(pair, window)[0]
-            others = sorted(at for *there, at in asked or () if tuple(there) == pair)
+            others = sorted(at for *there, at in requested or () if tuple(there) == pair)
             if between and high:
-                omega, seen, _ = curve.coarse
-                others += omega[seen >= (1.0 - between) * exp(self._level(pair[1]))].tolist()
-            others = [at for at in others if not any(same_place(at, peak, BESIDE) for peak in high)]
+                omega, values, _ = curve.coarse
+                others += omega[values >= (1.0 - between) * exp(self._level(pair[1]))].tolist()
+            others = [at for at in others if not any(same_frequency(at, peak, PEAK_RTOL) for peak in high)]
             result += self._singular(pair, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for item in (*self.squares, *self.bounds):
-            result.append(Piece(*item[:4], self._gradient(item), self.problem.is_limit(item.channel)))
+            result.append(ActiveFunction(*item[:4], self._gradient(item), self.problem.is_limit(item.channel)))
         return result
 
     def tops(self, window: float) -> list[Height]:
-        """Return the pieces of a window that are the largest singular value itself, without their gradients."""
+        """Return the active functions of a window that are the largest singular value, without gradients."""
         result = []
         for pair in self.curves:
             near = zip(*self._near(pair, window), strict=True)
@@ -339,42 +339,42 @@ class Point:
         return [*result, *self.squares, *self.bounds]
 
     def _near(self, pair: tuple[int, int], window: float) -> tuple[list[float], list[float]]:
-        """Return frequencies and values of a channel's peaks within a share of what counts."""
+        """Return frequencies and values of a channel's peaks within a relative window of the level."""
         level, curve = self._level(pair[1]), self.curves[pair]
         if log(max(curve.coarse[2], _TINY)) < level + log((1.0 - window) * BELOW):
             return [], []
         at, values = curve.peaks
-        kept = values >= (1.0 - window) * max(values[0], exp(level))
-        return at[kept].tolist(), values[kept].tolist()
+        near = values >= (1.0 - window) * max(values[0], exp(level))
+        return at[near].tolist(), values[near].tolist()
 
     def _level(self, channel: int) -> float:
-        """Return the logarithm of the norm of a channel that counts: the highest objective's, or the budget."""
+        """Return the level of a channel as a logarithm of its norm: the highest objective, or the budget."""
         return self.problem.offset(channel) + (0.0 if self.problem.is_limit(channel) else self.aim)
 
-    def _singular(self, pair: tuple[int, int], wanted: list[tuple[float, float]]) -> list[Piece]:
-        """Return the largest singular values at frequencies, and with a window those near them and mixtures of the two."""
+    def _singular(self, pair: tuple[int, int], wanted: list[tuple[float, float]]) -> list[ActiveFunction]:
+        """Return the largest singular values at frequencies; within a window also smaller ones and their combinations."""
         if not wanted:
             return []
-        seen: list[tuple[Passage, float, Array, Array, float, bool]] = []
+        vectors: list[tuple[Passage, float, Array, Array, float, bool]] = []
         passages = self.curves[pair].passages(np.array([at for at, _ in wanted]))
         for (at, window), passage in zip(wanted, passages, strict=True):
             U, V, values = passage.U.T, passage.Vh.conj(), passage.values.tolist()
-            seen.append((passage, at, U[0], V[0], values[0], True))
+            vectors.append((passage, at, U[0], V[0], values[0], True))
             for k in range(1, len(values) if window else 1):
                 if values[k] < (1.0 - window) * values[0]:
                     break
-                seen.append((passage, at, U[k], V[k], values[k], False))
+                vectors.append((passage, at, U[k], V[k], values[k], False))
                 for phase in _MIXED if 0.0 < at < inf else _MIXED[:2]:
                     u, v = (U[0] + phase * U[k]) / 2**0.5, (V[0] + phase * V[k]) / 2**0.5
-                    seen.append((passage, at, u, v, 0.5 * (values[0] + values[k]), False))
-        lefts, rights = (np.array([getattr(item[0], side) for item in seen]) for side in ("left", "right"))
-        us, vs = np.array([item[2] for item in seen]).conj(), np.array([item[3] for item in seen])
+                    vectors.append((passage, at, u, v, 0.5 * (values[0] + values[k]), False))
+        lefts, rights = (np.array([getattr(item[0], side) for item in vectors]) for side in ("left", "right"))
+        us, vs = np.array([item[2] for item in vectors]).conj(), np.array([item[3] for item in vectors])
         outer = (us[:, None, :] @ lefts).swapaxes(1, 2) * (rights @ vs[:, :, None]).swapaxes(1, 2)
-        gradients = np.real(outer).reshape(len(seen), -1) @ self.slopes(pair[0]).T
+        gradients = np.real(outer).reshape(len(vectors), -1) @ self.jacobian(pair[0]).T
         limit = self.problem.is_limit(pair[1])
         return [
-            Piece(*pair, at, self._scaled(pair[1], value), gradient / max(value, _TINY), limit, top, passage)
-            for (passage, at, _, _, value, top), gradient in zip(seen, gradients, strict=True)
+            ActiveFunction(*pair, at, self._scaled(pair[1], value), gradient / max(value, _TINY), limit, top, passage)
+            for (passage, at, _, _, value, top), gradient in zip(vectors, gradients, strict=True)
         ]
 
     def _gradient(self, height: Height) -> Array:
@@ -389,7 +389,7 @@ class Point:
         k, n = int(np.argmin(np.abs(poles - pole))), len(loop.A)
         change = np.outer(left[k] @ loop.before[:n], loop.after[:, :n] @ right[:, k])
         factor = 1.0 / self.problem.ports.rate if channel == DECAY else self._bound(channel, poles[[k]])[1][0]
-        return self.slopes(model) @ np.real(np.conj(factor) * change).ravel()
+        return self.jacobian(model) @ np.real(np.conj(factor) * change).ravel()
 
     def h2(self, model: int, channel: int) -> tuple[float, Array]:
         """Return an H2 norm and the gradient of its logarithm."""
@@ -406,7 +406,7 @@ class Point:
         full[:n, :n] = Q @ P
         full[np.ix_(np.arange(n), n + columns)] = Q @ B
         full[np.ix_(n + rows, np.arange(n))] = C @ P
-        gradient = self.slopes(model) @ (loop.before.T @ full @ loop.after.T).ravel() / square
+        gradient = self.jacobian(model) @ (loop.before.T @ full @ loop.after.T).ravel() / square
         return float(np.sqrt(square)), gradient
 
 

@@ -1,4 +1,4 @@
-"""What is tuned: plants, a structure between them in well-chosen units, and what its free numbers are."""
+"""Tuning problem: plants, scaled controller structure, channels and free parameters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -18,24 +18,22 @@ from boomctl.tunable.blocks import Differentiated
 from boomctl.tunable.structures import PHYSICAL, ControllerForm, Free, Ports
 from boomctl.tuning.plants import Plants
 
-_POINTS = 24  # frequencies at which plants are looked at (a choice)
-_ROUNDS = 30  # of scaling rows and columns in turn: each takes the square of what is left (a choice)
-_SLOWEST = 1e-6  # share of the fastest pole below which a slow one says nothing about the band (a choice)
-_LOW = 1e-3  # share of its peak down to which a response says how large it is: tails of rods fall for ever (a choice)
-_NOTHING = (
-    1e-10  # share of what its entry and exit alone would let through below which a response is rounding (a choice)
-)
-_BESIDE = np.log(1e3)  # below all in its row and in its column, by which a response says nothing of sizes (a choice)
-_LARGEST_GAIN = 1e6  # times its natural size, beyond which no free number goes: an infimum at infinite gain (a choice)
-CONTROLLER = -1  # stands in place of a plant
-GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY, EDGE = -1, -2, -3, -4, -5  # these in place of a channel
+_POINTS = 24  # frequencies at which the magnitudes of plants are evaluated
+_ROUNDS = 30  # iterations of scaling rows and columns; the error converges quadratically
+_SLOWEST = 1e-6  # fraction of the fastest pole below which poles are ignored for the band
+_LOW = 1e-3  # fraction of its peak at which a response is clipped for its mean magnitude
+_NOTHING = 1e-10  # fraction of the product of state and output magnitudes below which a response is rounding error
+_LOG_RATIO = np.log(1e3)  # log ratio to the rest of its row and column below which a response is ignored for scaling
+_LARGEST_GAIN = 1e6  # largest free parameter over its natural size: bounds infima at infinite gain
+CONTROLLER = -1  # model index of the controller itself
+GAIN_LIMIT, FASTEST_POLE, DAMPING, DECAY, EDGE = -1, -2, -3, -4, -5  # channel indices of bounds
 BOUNDS = {GAIN_LIMIT: "max_gain", FASTEST_POLE: "fastest_pole", DAMPING: "min_damping_ratio", DECAY: "min_decay_rate"}
-"""What bounds are called."""
+"""Names of the bounds."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """Everything that the search needs.
+    """Data of the search.
 
     Attributes
     ----------
@@ -44,9 +42,9 @@ class Problem:
     channels : tuple of Channel
     ports : Ports
     limits : mapping of int to float
-        Of the bounds that are asked for.
+        Values of the specified bounds.
     columns, rows : tuple of ndarray
-        Of each channel among the plants' disturbances and performance signals.
+        Indices of each channel among the plants' disturbances and performance signals.
     """
 
     structure: ControllerForm
@@ -61,7 +59,7 @@ class Problem:
     def of(
         cls, structure: ControllerForm, plants: Plants, channels: tuple[Channel, ...], limits: Mapping[int, float]
     ) -> "Problem":
-        """Return the problem of tuning a structure for plants, in units in which these are near one."""
+        """Return the problem of tuning a structure for plants, with scaled signals."""
         ports = ports_of(plants.middle)
         fastest = limits.get(FASTEST_POLE, np.inf)
         ports = replace(ports, fastest=min(ports.fastest, fastest), rate=min(ports.rate, fastest))
@@ -77,64 +75,64 @@ class Problem:
 
     @cached_property
     def free(self) -> tuple[Free, ...]:
-        """The free numbers."""
+        """Free parameters."""
         return self.structure.free(self.ports)
 
     @cached_property
     def low(self) -> Array:
-        """Lower ends of the search's numbers."""
+        """Lower bounds of the search variables."""
         return np.array([max(item.ends()[0], -_LARGEST_GAIN) for item in self.free])
 
     @cached_property
     def high(self) -> Array:
-        """Upper ends of the search's numbers."""
+        """Upper bounds of the search variables."""
         return np.array([min(item.ends()[1], _LARGEST_GAIN) for item in self.free])
 
     @cached_property
     def physical(self) -> Array:
-        """Places of the physical parameters among the free numbers."""
+        """Indices of the physical parameters among the free parameters."""
         return np.array([i for i, item in enumerate(self.free) if item.kind == PHYSICAL], dtype=int)
 
     @cached_property
     def matrix(self) -> Differentiated:
-        """``[[A, B], [C, D]]`` of the controller in the users' units, with derivatives by the free numbers."""
+        """``[[A, B], [C, D]]`` of the controller in the users' units, with derivatives by the search variables."""
         x = ca.SX.sym("x", len(self.free))
         values = [item.expression(number) for item, number in zip(self.free, ca.vertsplit(x), strict=True)]
         return Differentiated(x, self.structure.block(ca.vertcat(*values), self.ports).matrix)
 
     @property
     def order(self) -> int:
-        """Of the controller."""
+        """Order of the controller."""
         return self.matrix.shape[0] - len(self.ports.controls)
 
     def offset(self, channel: int) -> float:
-        """Return the logarithm of what a norm counts in."""
+        """Return the logarithm of the unit of a norm: its limit or budget, or 1."""
         return log((self.limits[channel] if channel < 0 else self.channels[channel].budget) or 1.0)
 
     @cached_property
     def budgets_alone(self) -> bool:
-        """Whether all channels have budgets, of which the one used up the most is to be small."""
+        """True if all channels have budgets: then the largest ratio of a norm to its budget is minimized."""
         return all(item.budget is not None for item in self.channels)
 
     def is_limit(self, channel: int) -> bool:
-        """Return whether a norm, or another bound, is only to stay below its budget."""
+        """Return True for a constraint: a bound, or a norm with a budget next to objectives."""
         return channel < 0 or (self.channels[channel].budget is not None and not self.budgets_alone)
 
     def values(self, x: Array) -> dict[str, float]:
-        """Return what the free numbers stand for, in the users' units."""
+        """Return the free parameters in the user's units."""
         return {item.name: item.value(number) for item, number in zip(self.free, x, strict=True)}
 
     def physical_values(self, x: Array) -> dict[str, float]:
-        """Return the physical parameters alone."""
+        """Return the physical parameters only."""
         return {self.free[i].name: self.free[i].value(x[i]) for i in self.physical}
 
     @property
     def middle(self) -> Array:
-        """Free numbers in the middle of their ranges."""
+        """Search variables at the middle of their ranges."""
         return 0.5 * (self.low + self.high)
 
     def clipped(self, x: Array) -> Array:
-        """Return numbers within their ends."""
+        """Return search variables clipped to their bounds."""
         return np.minimum(np.maximum(x, self.low), self.high)
 
     def lti(self, x: Array) -> Lti:
@@ -145,7 +143,7 @@ class Problem:
 
 
 def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
-    """Return the ports of a controller: the sizes of its signals are such that ``P22`` is near one in the plant's band."""
+    """Return the ports of a controller, with signals scaled such that ``P22`` is near one in the plant's band."""
     poles = (np.abs(plant.system.poles) for plant in plants)
     sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in poles]
     rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
@@ -158,7 +156,7 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
             size += _size(part, omega)
         size /= len(plants)
         lines = [np.fmax.reduce(size, axis=k, initial=-np.inf, keepdims=True) for k in (0, 1)]
-        size = np.where(size < np.minimum(*lines) - _BESIDE, np.nan, size)
+        size = np.where(size < np.minimum(*lines) - _LOG_RATIO, np.nan, size)
         for _ in range(_ROUNDS):
             rows = _mean(size + columns, 1)
             columns = -_mean(size - rows[:, None], 0)
@@ -174,7 +172,7 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
 
 
 def _size(part: Lti, omega: Array) -> Array:
-    """Return logarithms of the sizes of responses, by their upper three decades; nan where nothing but rounding passes."""
+    """Return log magnitudes of responses, averaged over their upper three decades; nan for rounding error only."""
     part, n = part.balanced(), len(part.A)
     result = np.abs(part.response(omega, quiet=True))
     if n:
@@ -189,6 +187,6 @@ def _size(part: Lti, omega: Array) -> Array:
 
 
 def _mean(values: Array, axis: int) -> Array:
-    """Return means over what is there; zero where nothing is."""
+    """Return the means over the finite entries, or 0."""
     there = np.isfinite(values)
     return np.where(there, values, 0.0).sum(axis=axis) / np.maximum(there.sum(axis=axis), 1)

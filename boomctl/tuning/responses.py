@@ -1,5 +1,5 @@
-"""Channels of a closed loop over frequency: the peaks of their largest singular values, found on a grid that follows the
-poles, and what carries changes of the controller to them.
+"""Frequency responses of channels of a closed loop: peaks of their largest singular values on a grid that follows the
+poles, and their derivatives by the controller.
 """
 
 from dataclasses import dataclass
@@ -13,24 +13,24 @@ from boomctl.arrays import Array
 from boomctl.lti.frequency import top_of_resonance
 from boomctl.tuning.loops import Closed
 
-_POINTS = 24  # spread evenly in the logarithm, beside the resonances (a choice)
+_POINTS = 24  # logarithmically spaced grid points, in addition to the resonances
 _SPREAD = np.arange(_POINTS) / (_POINTS - 1.0)
-_PLACES = np.array([-1.0, 0.0, 1.0])  # around a resonance, in half-widths (a choice)
-_SLOWEST = 1e-7  # share of the fastest pole below which no peak is looked for but at zero (a choice)
-_NARROWEST = 1e-9  # share of its frequency that a resonance is taken to be wide at least
-_ROUNDS = 6  # of narrowing brackets, each to a tenth or less where the peak is smooth (a choice)
-_CLOSE = 0.05  # share of a bracket to either side of a parabola's top (a choice)
-_PLACED = 1e-7  # relative width of a bracket that needs no narrowing: the value is then known to its square
-_FLAT = 1e-9  # share by which a bracket's ends lie below its top where the top is known to its square (a choice)
-WINDOW = 0.1  # share below the highest within which peaks are looked at (a choice)
-BELOW = 0.8  # share of a peak's height that the grid shows at least (a choice: it follows the poles)
+_OFFSETS = np.array([-1.0, 0.0, 1.0])  # grid points around a resonance, in half-widths
+_SLOWEST = 1e-7  # fraction of the fastest pole below which peaks are sought at zero only
+_NARROWEST = 1e-9  # smallest relative half-width of a resonance
+_ROUNDS = 6  # bracket refinements, each to a tenth or less of the width for a smooth peak
+_CLOSE = 0.05  # fraction of a bracket on either side of the interpolated peak
+_PLACED = 1e-7  # relative width of a bracket at convergence: the error of the value is of its square
+_FLAT = 1e-9  # relative height of a bracket below which it is flat and needs no refinement
+WINDOW = 0.1  # relative window below the highest peak within which peaks are refined
+BELOW = 0.8  # assumed least ratio of the grid's values to a peak, since the grid follows the poles
 
 
 class Passage(NamedTuple):
-    """A channel at one frequency: its response, by singular values, and what carries changes of the controller to it.
+    """Channel at one frequency: singular value decomposition of its response, and its derivatives by the controller.
 
-    A change ``d`` of the controller's matrices changes the response by ``left @ d @ right``, and reads itself through
-    ``around``.
+    A change ``d`` of the controller's matrices changes the response by ``left @ d @ right`` to first order; ``around`` is
+    the feedback of ``d`` on itself.
     """
 
     U: Array
@@ -42,7 +42,7 @@ class Passage(NamedTuple):
 
 
 class Bracket(NamedTuple):
-    """Three frequencies around a peak, and the values there; the one in the middle is the highest known."""
+    """Three frequencies around a peak, and their values; the middle one is the highest."""
 
     low: float
     middle: float
@@ -53,45 +53,45 @@ class Bracket(NamedTuple):
 
     @property
     def narrow(self) -> bool:
-        """Whether the peak is known: its place, or its value because the bracket is flat."""
+        """True at convergence: the bracket is narrow or flat."""
         flat = min(self.left, self.top, self.right) >= self.top * (1.0 - _FLAT)
         return flat or not self.high - self.low > _PLACED * self.high
 
-    def asked(self) -> list[float]:
-        """Return where to look next: around the top of the resonance through the three points."""
+    def candidates(self) -> list[float]:
+        """Return the next frequencies: around the peak of the resonance through the three points."""
         low, middle, high = self[:3]
         try:
             vertex = top_of_resonance(*self)
-        except ZeroDivisionError:  # flat, or nothing at an end
+        except ZeroDivisionError:  # flat, or zero at an end
             vertex = middle
         if not low < vertex < high:
             vertex = middle
-        beside = _CLOSE * (high - low)
-        ends = max(vertex - beside, low), min(vertex + beside, high)
+        distance = _CLOSE * (high - low)
+        ends = max(vertex - distance, low), min(vertex + distance, high)
         return [ends[0], vertex, ends[1], 0.5 * (low + middle), 0.5 * (middle + high)]
 
     def narrowed(self, omega: list[float], values: list[float]) -> "Bracket":
-        """Return the bracket around the highest of all that is known."""
+        """Return the bracket around the highest known value."""
         known = sorted([*zip(self[:3], self[3:], strict=True), *zip(omega, values, strict=True)])
         heights = [height for _, height in known]
         best = heights.index(max(heights))
         around = [known[k] for k in (max(best - 1, 0), best, min(best + 1, len(known) - 1))]
-        return Bracket(*(place for place, _ in around), *(value for _, value in around))
+        return Bracket(*(frequency for frequency, _ in around), *(value for _, value in around))
 
 
 @dataclass(frozen=True)
 class Response:
-    """A channel of a closed loop, ``C (s - A)^-1 B + D``, in coordinates in which solving is fast.
+    """Channel of a closed loop, ``C (s - A)^-1 B + D``, in coordinates for fast solving.
 
-    Its inputs are changes of the controller too, and its outputs what the controller reads.
+    Derivatives use further inputs, the changes of the controller, and further outputs, the inputs of the controller.
 
     Attributes
     ----------
     loop : Closed
     rows, columns : ndarray
-        Of the channel in the loop.
+        Indices of the channel in the loop.
     known : ndarray
-        Frequencies at which it is looked at besides those that the poles show.
+        Additional frequencies of the grid.
     """
 
     loop: Closed
@@ -101,7 +101,7 @@ class Response:
 
     @cached_property
     def A(self) -> Array:
-        """State matrix: upper triangular, a vector where it is diagonal."""
+        """State matrix: upper triangular, or a vector if it is diagonal."""
         return self.loop.coordinates[0]
 
     @cached_property
@@ -121,19 +121,19 @@ class Response:
 
     @cached_property
     def _ends(self) -> tuple[Array, Array]:
-        """What the inputs do to the states, and the outputs show of them."""
+        """Input and output matrices of the channel in these coordinates."""
         _, into, out_of = self.loop.coordinates
         return into @ self.loop.B[:, self.columns], self.loop.C[self.rows] @ out_of
 
     @cached_property
     def _residues(self) -> Array:
-        """What each pole brings to the entries of the response, one after the other."""
+        """Residues of the entries of the response, one column per pole."""
         B, C = self._ends
         return (C[:, None] * B.T).reshape(self.D.size, len(self.A))
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        if self.A.ndim == 2:  # without independent eigenvectors, as is rare
+        if self.A.ndim == 2:  # without independent eigenvectors, which is rare
             B, C = self._ends
             x = np.zeros((*B.shape, len(omega)), complex)
             for i in range(len(x) - 1, -1, -1):  # by substitution from the last state
@@ -151,54 +151,58 @@ class Response:
 
     @cached_property
     def coarse(self) -> tuple[Array, Array, float]:
-        """Grid, the largest singular values there, and the largest of all, that at infinite frequency included."""
+        """Grid, its largest singular values, and their maximum, including infinite frequency."""
         omega = grid(self.poles, self.known)
         values = self.largest(omega)
         return omega, values, float(values.max(initial=self.through))
 
     @cached_property
     def peaks(self) -> tuple[Array, Array]:
-        """Places and values of the local maxima near the highest, highest first; ``inf`` for infinity."""
+        """Frequencies and values of the local maxima near the highest, highest first; possibly at ``inf``."""
         omega, values, highest = self.coarse
         left, right = np.append(values[:1], values[:-1]), np.append(values[1:], values[-1:])
         tops = np.flatnonzero((values >= left) & (values >= right))
-        # a top on the grid may stand beside one that is higher: what is a little lower is looked at too
+        # a maximum on the grid may be near a higher peak: slightly lower ones are refined too
         tops = tops[values[tops] >= (1.0 - WINDOW) * highest * BELOW]
-        places, heights = omega.tolist(), values.tolist()
+        frequencies, heights = omega.tolist(), values.tolist()
         brackets = [
-            Bracket(*(item[i] for item in (places, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1))))
+            Bracket(
+                *(item[i] for item in (frequencies, heights) for i in (max(k - 1, 0), k, min(k + 1, len(omega) - 1)))
+            )
             for k in tops.tolist()
         ]
         for _ in range(_ROUNDS):
             going = [k for k, bracket in enumerate(brackets) if not bracket.narrow]
             if not going:
                 break
-            asked = [brackets[k].asked() for k in going]
-            result = self.largest(np.array(asked).ravel()).reshape(-1, len(asked[0])).tolist()
-            for k, more, there in zip(going, asked, result, strict=True):
+            requests = [brackets[k].candidates() for k in going]
+            result = self.largest(np.array(requests).ravel()).reshape(-1, len(requests[0])).tolist()
+            for k, more, there in zip(going, requests, result, strict=True):
                 brackets[k] = brackets[k].narrowed(more, there)
         both = [(bracket.top, bracket.middle) for bracket in brackets]
         if self.through > 0.0:
             both.append((self.through, inf))
-        both.sort(key=lambda each: -each[0])
-        kept: list[tuple[float, float]] = []
+        both.sort(key=lambda pair: -pair[0])
+        distinct: list[tuple[float, float]] = []
         for value, at in both:
-            # neighbors on the grid may narrow down to the same peak
-            if value >= (1.0 - WINDOW) * both[0][0] and not any(same_place(at, k[1], 10.0 * _PLACED) for k in kept):
-                kept.append((value, at))
-        return np.array([at for _, at in kept]), np.array([value for value, _ in kept])
+            # neighbors on the grid may converge to the same peak
+            if value >= (1.0 - WINDOW) * both[0][0] and not any(
+                same_frequency(at, k[1], 10.0 * _PLACED) for k in distinct
+            ):
+                distinct.append((value, at))
+        return np.array([at for _, at in distinct]), np.array([value for value, _ in distinct])
 
     @cached_property
     def _paths(self) -> tuple[Array, Array, Array]:
-        """What enters the states, what is read of them, and what passes them by, all paths included."""
+        """Input, output and feedthrough matrices of the channel and the controller's changes together."""
         loop, n, (_, into, out_of), (B, C) = self.loop, len(self.A), self.loop.coordinates, self._ends
         top = np.concatenate([self.D, loop.before[n + self.rows]], axis=1)
-        beside = np.concatenate([top, np.concatenate([loop.after[:, n + self.columns], loop.around], axis=1)])
+        feedthrough = np.concatenate([top, np.concatenate([loop.after[:, n + self.columns], loop.around], axis=1)])
         enters = np.concatenate([B, into @ loop.before[:n]], axis=1)
-        return enters, np.concatenate([C, loop.after[:, :n] @ out_of]), beside
+        return enters, np.concatenate([C, loop.after[:, :n] @ out_of]), feedthrough
 
     def through_states(self, omega: Array, power: int) -> Array:
-        """Return what passes at finite frequencies through a power of the resolvent, (frequencies, p + c, m + r)."""
+        """Return output times a power of the resolvent times input matrix at finite frequencies, (n, p + c, m + r)."""
         A, (enters, leaves, _) = self.A, self._paths
         if A.ndim == 1:
             return (leaves * (1j * omega[:, None] - A)[:, None, :] ** -power) @ enters
@@ -206,7 +210,7 @@ class Response:
         return leaves @ np.linalg.matrix_power(resolvent, power) @ enters
 
     def passages(self, omega: Array) -> list[Passage]:
-        """Return the channel at some frequencies, infinity among them or not."""
+        """Return the channel at frequencies, which may be infinite."""
         whole = np.repeat(self._paths[2][None].astype(complex), len(omega), axis=0)
         finite = np.isfinite(omega)
         if finite.any() and len(self.A):
@@ -241,16 +245,16 @@ def _largest_eigenvalues(G: Array) -> Array:
 
 
 def grid(poles: Array, also: Array) -> Array:
-    """Return ascending frequencies from zero on that show every resonance."""
+    """Return ascending frequencies, from zero, that resolve all resonances."""
     size = np.abs(poles)
     top = float(size.max(initial=0.0))
-    seen = size[size > _SLOWEST * top]
-    if not len(seen):
+    rates = size[size > _SLOWEST * top]
+    if not len(rates):
         return np.unique(np.concatenate([[0.0], also]))
     resonant = poles[poles.imag > 0.0]
     width = np.maximum(np.abs(resonant.real), _NARROWEST * np.abs(resonant))
-    near = (resonant.imag[:, None] + width[:, None] * _PLACES).ravel()
-    low, high = log(0.1 * float(seen.min())), log(10.0 * top)
+    near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
+    low, high = log(0.1 * float(rates.min())), log(10.0 * top)
     spread = np.exp(low + (high - low) * _SPREAD)
     real = -poles.real[(poles.imag == 0.0) & (size > _SLOWEST * top)]
     result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
@@ -258,6 +262,6 @@ def grid(poles: Array, also: Array) -> Array:
     return result[np.append(True, result[1:] > result[:-1])]
 
 
-def same_place(a: float, b: float, share: float) -> bool:
-    """Return whether two frequencies are the same to a share of the higher one; infinity is the same as itself alone."""
-    return a == b or (isfinite(a) and isfinite(b) and abs(a - b) <= share * max(abs(a), abs(b)))
+def same_frequency(a: float, b: float, rtol: float) -> bool:
+    """Return True if two frequencies are equal to a fraction of the higher one; infinity equals itself only."""
+    return a == b or (isfinite(a) and isfinite(b) and abs(a - b) <= rtol * max(abs(a), abs(b)))

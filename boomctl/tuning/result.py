@@ -1,4 +1,4 @@
-"""What tuning returns."""
+"""Result of tuning."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,12 +18,12 @@ from boomctl.tuning.solver.search import TuneStart
 if TYPE_CHECKING:
     import control
 
-_UNFINISHED = ("out of time", "stopped", "worse by", "found nothing")  # how stages begin that end a search too early
+_UNFINISHED = ("out of time", "stopped", "worse by", "found nothing")  # first words of stages that end a search early
 
 
 @dataclass(frozen=True)
 class TuneResult(Summarized, Design):
-    """A controller of a given structure, and the closed loops it was verified in.
+    """Tuned controller of a given structure, with its verified closed loops.
 
     Attributes
     ----------
@@ -32,23 +32,23 @@ class TuneResult(Summarized, Design):
     scaled_controller : control.StateSpace
         The same in the scaled signals of the plant; equal to `controller` if the plant has no scales.
     closed_loop : control.StateSpace
-        The loop from the disturbances to the performance signals, of the model in which the norm is largest.
+        Loop from the disturbances to the performance signals, for the model with the largest norm.
     closed_loops : tuple of control.StateSpace
-        Those of all models.
+        Loops of all models.
     gamma : float
-        The largest objective over all models, verified.
+        Verified largest objective over all models.
     certificate : DesignCertificate
-        What vouches for the controller, and how far from the best of any order it is.
+        Verified norms, and a lower bound for controllers of any order.
     values : dict of str to float
-        The free numbers by name, in the units of the signals and rad/s.
+        Free parameters by name, in the units of the signals and rad/s.
     plant_parameters : dict of str to float
-        The physical parameters among them.
+        Physical parameters among them.
     starts : tuple of TuneStart
-        What each start came to.
+        Result of each start.
     models : tuple of str
-        What the models are called.
+        Names of the models.
     elapsed : float
-        Time that the search took, its verification included [s].
+        Run time of the search, including verification [s].
     """
 
     _controller: Lti = field(repr=False)
@@ -65,7 +65,7 @@ class TuneResult(Summarized, Design):
 
     @property
     def success(self) -> bool:
-        """Whether the search ended by itself, and nothing worse is known in the family; False where time ran out."""
+        """True if the search terminated normally, without a worse point in the family; False after the time limit."""
         return not any(stage.startswith(_UNFINISHED) for stage in self.certificate.stages)
 
     @property
@@ -74,7 +74,7 @@ class TuneResult(Summarized, Design):
         return sum(start.nit for start in self.starts)
 
     def __claims__(self) -> Iterator[Claim]:
-        """Yield what can be proved: of the loops of the plants that were handed in, and of each channel's norm."""
+        """Yield the claims to be proved: stability of the loops with the original plants, and norms of the channels."""
         for name, plant in zip(self.models, self._plants, strict=False):
             what = f"the closed loop of {name}" if name else "the closed loop"
             controller = self._controller if plant.ncon else None
@@ -86,12 +86,12 @@ class TuneResult(Summarized, Design):
 
     @cached_property
     def closed_loop(self) -> "control.StateSpace":
-        """As a system of python-control; it is made when it is first read."""
+        """Loop as a system of python-control. Computed on first access."""
         return self._loops[self._worst].statespace("closed_loop")
 
     @cached_property
     def closed_loops(self) -> "tuple[control.StateSpace, ...]":
-        """As systems of python-control; they are made when they are first read."""
+        """Loops as systems of python-control. Computed on first access."""
         return tuple(loop.statespace(f"closed_loop_{i + 1}") for i, loop in enumerate(self._loops))
 
     def plot(self, ax: Any = None, *, frequency_unit: str | None = None, **style: Any) -> Any:
@@ -100,16 +100,16 @@ class TuneResult(Summarized, Design):
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         frequency_unit : {"Hz", "rad/s"}, optional
-            Of the frequency axis, by default that of the curves that are there already.
+            Unit of the frequency axis. If None, the unit of existing axes.
         **style
-            Of the curves, as matplotlib's lines take it.
+            Line properties, passed to `matplotlib.axes.Axes.plot`.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
         """
         shown = [m for m in self.models if any(peak.model == m for peak in self.certificate.active_peaks)]
         chosen = {name: self._loops[self.models.index(name)] for name in shown or [self.models[self._worst]]}
@@ -124,7 +124,7 @@ class TuneResult(Summarized, Design):
         Returns
         -------
         str
-            Lines: the certificate, active peaks, starts and what was done.
+            Certificate, active peaks, starts and stages.
         """
         c = self.certificate
         lines = [f"controller of {system(self._controller)}", c.summary]
@@ -142,7 +142,7 @@ class TuneResult(Summarized, Design):
         return "\n".join(lines)
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the metrics of a comparison."""
         result = {"norm, verified": self.gamma}
         if self.certificate.lower_bound > 0.0:
             result["no controller goes below"] = self.certificate.lower_bound

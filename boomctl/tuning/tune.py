@@ -1,4 +1,4 @@
-"""``tune``: controllers of a given structure, the largest norm over all models and channels as small as can be found."""
+"""``tune``: controllers of a given structure that minimize the largest norm over all models and channels."""
 
 import warnings
 from collections.abc import Mapping, Sequence
@@ -20,9 +20,9 @@ from boomctl.synthesis.certificate import ChannelNorm
 from boomctl.synthesis.plants.channels import Channel, objective
 from boomctl.threads import one_blas_thread
 from boomctl.tunable.structures import ControllerForm, Physical, terms
-from boomctl.tuning.certificate import channel_norm, loop_of, share_used, verified
+from boomctl.tuning.certificate import budget_ratio, channel_norm, loop_of, verified
 from boomctl.tuning.initial import initial_numbers
-from boomctl.tuning.plants import FamilyPlants, Plants, made_plants
+from boomctl.tuning.plants import FamilyPlants, Plants, build_plants
 from boomctl.tuning.problem import BOUNDS, DAMPING, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.search import Search, search
@@ -30,9 +30,9 @@ from boomctl.tuning.solver.search import Search, search
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
-_WORSE = 1e-3  # how much worse than at the points tuned for the family may be, relative (a choice)
-_MORE_POINTS = 8  # worst points that are added to a family's corners at most (a choice of patience)
-_AGAIN = 3  # starts with each point added, the best so far among them (a choice)
+_WORSE = 1e-3  # accepted relative excess of the worst norm over the family above that at the tuned points
+_MORE_POINTS = 8  # worst points added to a family's vertices at most
+_AGAIN = 3  # starts for each added point, including the best controller so far
 
 
 @one_blas_thread
@@ -55,68 +55,65 @@ def tune(
     time_limit: float = 60.0,
     progress: "Listener | None" = None,
 ) -> TuneResult:
-    """Return the controller of a given structure that makes a norm of the closed loop as small as can be found.
+    """Tune a controller of a given structure to minimize a norm of the closed loop.
 
-    From many starts the loops are stabilized, then the norm is brought down by descent on its highest peak and by
-    quadratic programmes over all peaks near the highest, in turn (Apkarian & Noll 2006; Lewis & Overton 2013).  The
-    minimum is a local one: the best of all starts.  The controller returned is verified apart from the search.
+    From many starts the loops are stabilized, then the norm is minimized by descent on its highest peak and by sequential
+    quadratic programming over all peaks near the highest (Apkarian & Noll 2006; Lewis & Overton 2013).  The minimum is
+    local: the best of all starts.  The returned controller is verified independently of the search.
 
     Parameters
     ----------
     P : control.StateSpace, function, or sequence of them
-        Generalized plant, as for `h_infinity`; of several, with the same signals, the largest norm counts and all are to
-        be stable.  A function returns one: from a mapping of the physical parameters of the structure, or, with
-        ``family``, from a `SecondOrderModel` of the family.
+        Generalized plant, as for `h_infinity`. For several, with the same signals, the largest norm is minimized and all
+        loops are stabilized.  A function maps physical parameters of the structure, by name, to a plant, or, with
+        ``family``, a `SecondOrderModel` of the family.
     nmeas, ncon : int, optional
-        Numbers of measurements and controls; both 0 where only physical parameters are tuned.  Not needed there, nor of
-        what `generalized_plant` or `mixed_sensitivity` made, whose names tell them.
+        Numbers of measurements and controls; both 0 if only physical parameters are tuned.  Optional in that case, and for
+        results of `generalized_plant` or `mixed_sensitivity`.
     structure : ControllerForm
-        What the controller is made of, from `boomctl.tunable`: parts can be added, and put in series by ``*``.
+        Structure from `boomctl.tunable`: parts can be added, and connected in series by ``*``.
     channels : sequence of Channel, optional
         `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the whole loop.
     norm : {"hinf", "h2"}
-        Which norm, where no channels are given.
+        Norm to minimize, without ``channels``.
     n_starts : int
-        Number of starts.  Lower orders of a free state-space part are tuned on the way.
+        Number of starts.  Lower orders of a free state-space part are tuned first.
     seed : int
-        Of the starts drawn; the same seed gives the same controller, if the time limit does not interfere.
+        Seed of random starts; the result is reproducible if the time limit is not reached.
     fastest_pole : float, optional
-        No pole of the controller has a larger magnitude [rad/s].
+        Largest modulus of the controller poles [rad/s].
     max_gain : float, optional
         Largest singular value of the controller's response at any frequency, in the units of the signals.  Some norms have
         their infimum at infinite gain.
     min_damping_ratio : float, optional
         Least damping ratio of all poles of the loops.
     min_decay_rate : float, optional
-        All poles of the loops lie left of ``-decay`` [rad/s].
+        Least decay rate of all poles of the loops [rad/s].
     family : AffineFamily or PolynomialFamily, optional
-        Structures over a box of parameters.  The middle and the corners, of more than six uncertain parameters the middle
-        alone, are tuned for at first, then the worst points that a search over the box finds too, until none is worse.
-        Parameters that are `boomctl.tunable.plant_parameter` ones of the
-        structure are tuned, the others are uncertain.
+        Structures over a box of parameters.  Tuning starts with the center and the vertices (with more than six uncertain
+        parameters, with the center only) and adds the worst points from a search over the box until none is worse.
+        Parameters that are a `boomctl.tunable.plant_parameter` of the structure are tuned, the others are uncertain.
     initial_controller : mapping of str to float, control.StateSpace or a design, optional
-        A start of your own: free numbers by name, as `TuneResult.values` holds them; where the structure is a
-        `boomctl.tunable.state_space` (physical parameters may be added to it), a controller of its order or of a lower one.
-        In the scaled signals of a scaled plant.
+        User-defined start: free parameters by name, as in `TuneResult.values`; or for a `boomctl.tunable.state_space`
+        (physical parameters may be added) a controller of at most its order.  In the scaled signals of a scaled plant.
     time_limit : float
-        Seconds after which the best so far is returned; so it is when the user interrupts.
+        Time limit [s], after which the best result so far is returned, as after an interrupt.
     progress : callable, optional
-        Is told a `Progress` at each stage.  Without one, after three seconds a line on a terminal or in a notebook says
-        what goes on; `progress_callback` hears whatever runs within it.
+        Called with a `Progress` at each stage. If None, a progress line is shown after 3 s.
 
     Returns
     -------
     TuneResult
-        The controller, the closed loops, the largest norm ``gamma``, all starts, and a certificate.
+        Controller, closed loops, largest norm ``gamma``, all starts, and a certificate.
 
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, not finite, discrete time; models with different signals; counts or numbers out of range;
-        unknown signals or parameters; a start of another structure, order or with other signals; a channel whose H2 norm is
-        infinite for every controller of the structure.
+        If a plant is not a continuous, finite system, the signals of models differ, an argument is out of range, a signal or
+        parameter is unknown, the start does not match the structure or the signals, or the H2 norm of a channel is infinite
+        for every controller of the structure.
     SynthesisError
-        No controller can stabilize a model, none of the structure was found that does, or none that keeps the budgets.
+        If no controller can stabilize a model, or none of the structure is found that does so within the budgets.
 
     Examples
     --------
@@ -134,16 +131,16 @@ def tune(
         )
     structure = instance("structure", structure, ControllerForm, "a structure of boomctl.tunable")
     listed = _channels(channels, norm)
-    given = {
+    bounds = {
         "max_gain": max_gain,
         "fastest_pole": fastest_pole,
         "min_damping_ratio": min_damping_ratio,
         "min_decay_rate": min_decay_rate,
     }
     limits = {
-        kind: within(name, given[name], 0.0, 1.0) if kind == DAMPING else positive(name, given[name])
+        kind: within(name, bounds[name], 0.0, 1.0) if kind == DAMPING else positive(name, bounds[name])
         for kind, name in BOUNDS.items()
-        if given[name] is not None
+        if bounds[name] is not None
     }
     count, number = whole("n_starts", n_starts), whole("seed", seed, 0)
     deadline = Deadline(positive("time_limit", time_limit))
@@ -155,8 +152,8 @@ def tune(
             structure, _plants(P, *counts, structure) if over is None else over.plants(), listed, limits
         )
         _check(problem)
-        begun = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
-        result = _searched(problem, count, np.random.default_rng(number), begun, deadline)
+        initial = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
+        result = _searched(problem, count, np.random.default_rng(number), initial, deadline)
         worst, stages = None, [*problem.plants.stages, *result.stages]
         if over is not None and over.uncertain:
             result, worst = _over_family(over, result, number, stages)
@@ -167,7 +164,7 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
     if channels is None:
         return (objective(norm=norm),)
     if norm != "hinf":
-        raise ValueError(f"norm = {norm!r}: expected none beside channels, which say their own")
+        raise ValueError(f"norm = {norm!r}: expected none with channels, which have their own norms")
     result = tuple(instance("channel", item, Channel) for item in sequence("channels", channels, "Channel"))
     if not result:
         raise ValueError("channels: expected at least one")
@@ -175,21 +172,21 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
 
 
 def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
-    """Return the numbers of measurements and controls, None where names tell them.
+    """Return the numbers of measurements and controls, None if they follow from names.
 
-    Both are zero where nothing but physical parameters is tuned.
+    Both are zero if only physical parameters are tuned.
     """
     names = [item.name for item in structure.physicals()]
     for name in names:
         if names.count(name) > 1:
             raise ValueError(f"structure: the physical parameter {name!r} is there twice")
     passive = all(isinstance(part, Physical) for part in terms(structure))
-    given = [
+    counts = [
         (what, n, whole(what, n, 0 if passive else 1))
         for what, n in (("nmeas", nmeas), ("ncon", ncon))
         if n is not None
     ]
-    if passive and any(n for _, n, _ in given):
+    if passive and any(n for _, n, _ in counts):
         raise ValueError(f"nmeas, ncon = {nmeas}, {ncon}: expected 0, 0 for a structure of physical parameters alone")
     return (0, 0) if passive else (nmeas, ncon)
 
@@ -197,17 +194,17 @@ def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> t
 def _family(
     P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm, family: "Family | None"
 ) -> FamilyPlants:
-    given = instance("family", family, Family, "AffineFamily or PolynomialFamily")
+    checked = instance("family", family, Family, "AffineFamily or PolynomialFamily")
     make = function_of("P", P, "a structure of the family to a generalized plant")
     for item in structure.physicals():
-        known("parameter of the family", item.name, given.names)
-        low, high = given.ranges[item.name]
+        known("parameter of the family", item.name, checked.names)
+        low, high = checked.ranges[item.name]
         if item.low < low or item.high > high:
             raise ValueError(
                 f"physical {item.name!r} from {item.low:g} to {item.high:g}: expected a range within the family's,"
                 f" {low:g} to {high:g}"
             )
-    return FamilyPlants(given, make, nmeas, ncon, structure.physicals())
+    return FamilyPlants(checked, make, nmeas, ncon, structure.physicals())
 
 
 def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm) -> Plants:
@@ -217,11 +214,11 @@ def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerFo
     physical = structure.physicals()
     if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
         function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
-    return made_plants(many, nmeas, ncon, physical)
+    return build_plants(many, nmeas, ncon, physical)
 
 
 def _check(problem: Problem) -> None:
-    """Refuse signals that are not there, what no controller can stabilize, and norms and gains that are infinite."""
+    """Check signals, stabilizability and detectability, and that norms and gains are finite."""
     plants, channels = problem.plants.middle, problem.channels
     problem.structure.check(problem.ports)
     for label, plant in zip(problem.plants.labels, plants, strict=True):
@@ -250,18 +247,18 @@ def _check(problem: Problem) -> None:
 
 
 def _searched(
-    problem: Problem, starts: int, rng: np.random.Generator, begun: list[Array], deadline: Deadline
+    problem: Problem, starts: int, rng: np.random.Generator, initial: list[Array], deadline: Deadline
 ) -> Search:
-    """Return what a search found.
+    """Run a search and return it.
 
     Raises
     ------
     SynthesisError
-        No controller that stabilizes and keeps the budgets.
+        If no controller that stabilizes is found.
     """
     with np.errstate(all="ignore"), warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # of what is tried and given up
-        result = search(problem, starts, rng, deadline, begun)
+        warnings.simplefilter("ignore", RuntimeWarning)  # from rejected trial points
+        result = search(problem, starts, rng, deadline, initial)
     if result.best is None:
         ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
         when = ended.get((result.stages or [""])[-1], "")
@@ -275,38 +272,38 @@ def _searched(
 
 
 def _over_family(
-    over: FamilyPlants, found: Search, seed: int, stages: list[str]
+    over: FamilyPlants, current: Search, seed: int, stages: list[str]
 ) -> "tuple[Search, ChannelNorm | None]":
-    """Return the search with the worst points of the family among the models, until none is worse."""
+    """Repeat the search with the worst points of the family as models, until none is worse."""
     worst = None
     for extra in range(_MORE_POINTS + 1):
-        plants, deadline = found.problem.plants, found.deadline
+        plants, deadline = current.problem.plants, current.deadline
         tell("worst point of the family")
-        excess, point, worst = _worst(over, found)
+        excess, point, worst = _worst(over, current)
         if excess <= _WORSE:
             stages.append(f"nothing worse in the family, {len(plants.models)} points")
             break
         more = over.model(point)
-        if extra == _MORE_POINTS or "stopped" in found.stages or deadline.over:
+        if extra == _MORE_POINTS or "stopped" in current.stages or deadline.over:
             stages.append(f"worse by {100.0 * excess:.3g} % at {more.label}")
             break
         stages.append(f"added {more.label}")
-        problem = replace(found.problem, plants=replace(plants, models=(*plants.models, more)))
+        problem = replace(current.problem, plants=replace(plants, models=(*plants.models, more)))
         try:
-            again = _searched(problem, _AGAIN, np.random.default_rng(seed + extra + 1), [found.design], deadline)
+            again = _searched(problem, _AGAIN, np.random.default_rng(seed + extra + 1), [current.design], deadline)
         except SynthesisError:
             stages.append("found nothing with it")
             break
-        again.earlier = found.starts
+        again.earlier = current.starts
         stages += again.stages
-        found = again
-    return found, worst
+        current = again
+    return current, worst
 
 
-def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm]:
-    """Return by how much the worst point of a family is worse than those tuned for, that point, and the norm there."""
-    problem, size = found.problem, len(over.uncertain)
-    K, values = problem.lti(found.design), problem.physical_values(found.design)
+def _worst(over: FamilyPlants, result: Search) -> tuple[float, Array, ChannelNorm]:
+    """Return the relative excess of a family's worst point over the tuned ones, that point, and its largest objective."""
+    problem, size = result.problem, len(over.uncertain)
+    K, values = problem.lti(result.design), problem.physical_values(result.design)
     aims = [item for item in problem.channels if problem.budgets_alone or item.budget is None]
 
     def norms(point: Array) -> list[tuple[float, ChannelNorm]]:
@@ -317,12 +314,14 @@ def _worst(over: FamilyPlants, found: Search) -> tuple[float, Array, ChannelNorm
             bad = NormBounds(inf, inf, nan, UNSTABLE)
             return [(inf, ChannelNorm(over.model(point).label, item, bad)) for item in problem.channels]
         there = [ChannelNorm(over.model(point).label, c, channel_norm(loop, plant, K, c)) for c in problem.channels]
-        return [(share_used(item) / (exp(found.value) if item.channel in aims else 1.0) - 1.0, item) for item in there]
+        return [
+            (budget_ratio(item) / (exp(result.value) if item.channel in aims else 1.0) - 1.0, item) for item in there
+        ]
 
     def of_aims(point: Array) -> tuple[float, ChannelNorm]:
-        """Return the worst of what is to be small, which a budget that is worst elsewhere does not show."""
-        return max((item for item in norms(point) if item[1].channel in aims), key=lambda each: each[0])
+        """Return the largest objective, excluding budgets."""
+        return max((item for item in norms(point) if item[1].channel in aims), key=lambda pair: pair[0])
 
     point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size, 1.0)
     at = point if len(aims) == len(problem.channels) else pattern_search(lambda d: of_aims(d)[0], size, 1.0)[0]
-    return most, point, max((of_aims(d) for d in (point, at)), key=lambda each: each[0])[1]
+    return most, point, max((of_aims(d) for d in (point, at)), key=lambda pair: pair[0])[1]

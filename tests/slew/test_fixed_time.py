@@ -10,7 +10,7 @@ from boomctl.slew import replan
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.linear import guess_from, least_effort
 from boomctl.slew.nlp.interval import Units
-from boomctl.slew.nlp.programme import prepare, solve
+from boomctl.slew.nlp.program import prepare, solve
 from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.nlp.transcription import transcribe
 from boomctl.slew.problem import Limits, slew_problem

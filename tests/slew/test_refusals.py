@@ -75,7 +75,7 @@ REFUSED = [
     ),
     (lambda: beam(initial_state=np.zeros(4)), "initial_state: expected None for a hub-beam"),
     # shaped torques and comparisons
-    (lambda: input_shaper("ZV", bc.hub_beam(modes=1), 0.01), "expected none beside a hub-beam"),
+    (lambda: input_shaper("ZV", bc.hub_beam(modes=1), 0.01), "expected none for a hub-beam"),
     (lambda: rest_to_rest_torque("bang-bang", input_shaper("ZV", 1.0), 0.0, 1.0, 1.0), "angle"),
     (lambda: input_shaper("EI", 1.0, level=2.0), r"level = 2\.0"),
     (lambda: compare_slews(bc.hub_beam(modes=1), None, 200.0, final_speed=0.0), "final_speed"),

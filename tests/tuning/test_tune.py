@@ -404,7 +404,7 @@ REFUSED = [
     ),
     (
         lambda: tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)]),
-        "budgets cannot all be kept",
+        "no controller found satisfies all budgets",
     ),
     (lambda: tuned(lag(-1.0), max_gain=0.5), "max_gain"),
     (lambda: tuned(lag(-1.0), time_limit=1e-6), "in the time allowed"),

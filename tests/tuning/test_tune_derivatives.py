@@ -10,7 +10,7 @@ import boomctl as bc
 from boomctl.tunable.structures import Physical
 from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.loops import Closed
-from boomctl.tuning.plants import FamilyPlants, made_plants
+from boomctl.tuning.plants import FamilyPlants, build_plants
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import Response
@@ -38,7 +38,7 @@ STRUCTURES = {
 
 def problem_of(name, channels, limits=None, seed=2):
     """Return the problem of a structure between two random stable plants of two measurements and two controls."""
-    plants = made_plants([swing(k) for k in (seed, seed + 1)], 2, 2, ())
+    plants = build_plants([swing(k) for k in (seed, seed + 1)], 2, 2, ())
     return Problem.of(STRUCTURES[name], plants, tuple(channels), limits or {})
 
 
@@ -76,9 +76,9 @@ def test_derivatives_of_any_controller_are_differences(name, seed):
     matrix, x = problem.matrix, problem.clipped(rng.normal(size=len(problem.free)))
     weights = rng.normal(size=matrix.value(x).shape)
     wanted = differences(lambda x: matrix.value(x).ravel(), x)
-    assert matrix.slopes(x) == pytest.approx(wanted, rel=WITHIN, abs=WITHIN * np.abs(wanted).max(initial=1.0))
-    bends = differences(lambda x: matrix.slopes(x) @ weights.ravel(), x)
-    assert matrix.bends(x, weights) == pytest.approx(bends, rel=WITHIN, abs=WITHIN * np.abs(wanted).max(initial=1.0))
+    assert matrix.jacobian(x) == pytest.approx(wanted, rel=WITHIN, abs=WITHIN * np.abs(wanted).max(initial=1.0))
+    bends = differences(lambda x: matrix.jacobian(x) @ weights.ravel(), x)
+    assert matrix.hessian(x, weights) == pytest.approx(bends, rel=WITHIN, abs=WITHIN * np.abs(wanted).max(initial=1.0))
 
 
 def merit(point):
@@ -94,9 +94,9 @@ def abscissa(point):
 
 def edge(point):
     """Return how near the edge of stability is, as a bound counts it, and its gradient."""
-    worst = max((piece for piece in point.pieces(1e-6) if piece.channel < 0), key=lambda piece: piece.value)
-    assert worst.value == pytest.approx(np.log(0.5 / point.apart), rel=1e-9)
-    return np.log(0.5 / point.apart), worst.gradient
+    worst = max((piece for piece in point.active_functions(1e-6) if piece.channel < 0), key=lambda piece: piece.value)
+    assert worst.value == pytest.approx(np.log(0.5 / point.edge_distance), rel=1e-9)
+    return np.log(0.5 / point.edge_distance), worst.gradient
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def edge(point):
 def test_gradient_is_its_difference(read, name, seed, channel, limits):
     point = stable_point(problem_of(name, [channel], limits), seed, 0.5 if read is edge else None)
     assert read is edge or (point.excess > 0.0) == bool(limits)
-    wanted = differences(lambda x: read(point.beside(x))[0], point.x)
+    wanted = differences(lambda x: read(point.with_parameters(x))[0], point.x)
     least = 1.0 if read is edge else 0.0
     assert read(point)[1] == pytest.approx(wanted, abs=WITHIN * max(np.abs(wanted).max(), least))
 
@@ -129,10 +129,10 @@ ENDS = {"all": (), "a column": ("u[0]",), "a row": (None, "y[0]"), "a wide one":
 @pytest.mark.parametrize(("name", "ends"), [*(("free", e) for e in ENDS), ("notch", "all"), ("shared", "all")])
 def test_the_second_derivatives_of_a_peak_are_differences_of_its_gradient(name, ends):
     point = stable_point(problem_of(name, [T.objective(*ENDS[ends])]), 2)
-    piece = max(point.pieces(1e-6), key=lambda piece: piece.value)
+    piece = max(point.active_functions(1e-6), key=lambda piece: piece.value)
     found = peak_hessian(point, piece)
     assert found == pytest.approx(found.T, abs=1e-9 * np.abs(found).max())
-    wanted = differences(lambda x: point.beside(x).merit(1.0)[1](), point.x)
+    wanted = differences(lambda x: point.with_parameters(x).merit(1.0)[1](), point.x)
     assert found == pytest.approx(wanted, abs=1e-4 * np.abs(wanted).max())  # the place of the peak is known to 1e-7
 
 
@@ -154,7 +154,7 @@ def moving(seed, norm):
         return control.ss(S[:n, :n], S[:n, n:], S[n:, :n], S[n:, n:])
 
     tuned = Physical("p", -1.0, 1.0), Physical("q", -1.0, 1.0)
-    plants = made_plants([make], 2, 2, tuned)
+    plants = build_plants([make], 2, 2, tuned)
     assert plants.stages == ("physical parameters by polynomials of degree p 1, q 2",)
     structure = T.state_space(1, strictly_proper=norm == "h2") + tuned[0] + tuned[1]
     problem = Problem.of(structure, plants, (T.objective(norm="h2" if norm == "h2" else "hinf"),), {})
@@ -190,13 +190,13 @@ def test_gradient_of_moving_plant_is_its_difference(norm, seed):
     point = Point(problem, x)
 
     def closed(x):
-        plant = problem.plants.given(x[problem.physical])[0]
+        plant = problem.plants.original(x[problem.physical])[0]
         return bc.lft(plant.system.statespace("P"), problem.lti(x).statespace("K"))
 
     slowest = np.sort(np.round(closed(x).poles().real, 9))[::-1]
     if not point.stable or slowest[0] - slowest[slowest < slowest[0]][0] < 0.01:  # another pole is soon as slow
         return
-    piece = max(point.pieces(1e-6), key=lambda p: p.value)
+    piece = max(point.active_functions(1e-6), key=lambda p: p.value)
     gradient = point.abscissa()[1]() * problem.ports.rate if norm == "slowest pole" else piece.gradient
 
     def value(x):
@@ -218,7 +218,7 @@ def test_second_derivatives_of_a_peak_by_two_parameters_are_differences_of_its_g
     x = 0.02 * np.random.default_rng(0).normal(size=len(problem.free))
     x[problem.physical] = 0.2
     x[[i for i, each in enumerate(problem.free) if each.name in ("A[0, 0]", "A[1, 1]")]] -= 1.0
-    piece = max(Point(problem, x).pieces(1e-6), key=lambda p: p.value)
+    piece = max(Point(problem, x).active_functions(1e-6), key=lambda p: p.value)
     found = peak_hessian(Point(problem, x), piece)
     for row, unit in zip(found, np.eye(len(x)), strict=True):
         wanted = [Point(problem, x + h * unit).merit(1.0)[1]() for h in (1e-4, -1e-4)]
@@ -256,7 +256,7 @@ def test_a_mass_is_a_polynomial_of_some_degree():
         m = values["m"]
         return control.ss([[0.0, 1.0], [-4.0 / m, -0.5 / m]], [[0.0], [1.0 / m]], [[1.0, 0.0]], 0.0)
 
-    found = made_plants([make], 0, 0, (Physical("m", 1.0, 2.0),)).stages
+    found = build_plants([make], 0, 0, (Physical("m", 1.0, 2.0),)).stages
     assert found == ("physical parameters by polynomials of degree m 16",)
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from math import inf, isfinite
 from typing import Literal
 
-Way = Literal["cold", "hot"]
-_ALIKE = 1e-6  # relative difference of errors below which two programs on one mesh differ by rounding (measured: 1e-9)
+Calls = Literal["cold", "hot"]
+_ALIKE = 1e-6  # relative difference of errors below which two programs on one mesh differ by rounding error
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class Point:
     hot_processor: float | None = None
     failed: str = ""
 
-    def elapsed(self, way: Way) -> float | None:
+    def elapsed(self, calls: Calls) -> float | None:
         """Return the run time of the first call, or of a later one [s]."""
-        return self.cold if way == "cold" else self.hot
+        return self.cold if calls == "cold" else self.hot
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Diagram:
     points: tuple[Point, ...]
     remarks: tuple[str, ...] = ()
 
-    def front(self, way: Way, ours: bool | None = None) -> tuple[Point, ...]:
+    def front(self, calls: Calls, ours: bool | None = None) -> tuple[Point, ...]:
         """Return the points that no other one beats in both run time and error, the fastest first.
 
         Parameters
@@ -64,12 +64,12 @@ class Diagram:
         """
         chosen = [p for p in self.points if ours in (None, p.ours) and isfinite(p.error)]
         front: list[Point] = []
-        for point in sorted(chosen, key=lambda p: (p.elapsed(way) or inf, p.error)):
-            if point.elapsed(way) is not None and (not front or point.error < front[-1].error):
+        for point in sorted(chosen, key=lambda p: (p.elapsed(calls) or inf, p.error)):
+            if point.elapsed(calls) is not None and (not front or point.error < front[-1].error):
                 front.append(point)
         return tuple(front)
 
-    def leads(self, way: Way) -> list[tuple[float, Point, Point | None]]:
+    def leads(self, calls: Calls) -> list[tuple[float, Point, Point | None]]:
         """Compare each point of the others' front with our fastest one of no larger error, but for rounding.
 
         Returns
@@ -79,10 +79,10 @@ class Diagram:
             first.
         """
         result = []
-        for other in self.front(way, ours=False):
-            able = (p for p in self.front(way, ours=True) if p.error <= other.error * (1.0 + _ALIKE))
-            best, theirs = next(able, None), other.elapsed(way)
-            taken = best and best.elapsed(way)
+        for other in self.front(calls, ours=False):
+            able = (p for p in self.front(calls, ours=True) if p.error <= other.error * (1.0 + _ALIKE))
+            best, theirs = next(able, None), other.elapsed(calls)
+            taken = best and best.elapsed(calls)
             result.append((theirs / taken if taken and theirs else 0.0, other, best))
         return sorted(result, key=lambda lead: lead[0])
 

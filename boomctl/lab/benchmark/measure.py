@@ -32,13 +32,13 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _WORDS = 160  # characters of a message that are shown
 
 
-def scene_at(place: str) -> Scene:
+def scene_at(location: str) -> Scene:
     """Return the scene that a function makes, named "module:function"."""
-    module, _, name = place.partition(":")
+    module, _, name = location.partition(":")
     return getattr(import_module(module), name)()
 
 
-def measured(key: str, place: str, *, quick: bool, time_limit: float, progress: Callable[[str], None]) -> Diagram:
+def measured(key: str, location: str, *, quick: bool, time_limit: float, progress: Callable[[str], None]) -> Diagram:
     """Measure a scene.
 
     Parameters
@@ -60,7 +60,7 @@ def measured(key: str, place: str, *, quick: bool, time_limit: float, progress: 
     Diagram
         A setting that raises, takes too long or gives no finite error is a point with ``failed``.
     """
-    scene = scene_at(place)
+    scene = scene_at(location)
     chosen = scene.few if quick else dict(enumerate(scene.settings))
     runs: dict[int, list[dict[str, Any]]] = {k: [] for k in chosen}
     for _ in range(1 if quick else 3):
@@ -69,7 +69,7 @@ def measured(key: str, place: str, *, quick: bool, time_limit: float, progress: 
             if setting.missing:
                 runs[k] = [{"failed": setting.missing}]
             elif not any("failed" in run for run in runs[k]):
-                runs[k].append(_in_new_process(place, k, 0.1 if quick else 0.5, time_limit))
+                runs[k].append(_in_new_process(location, k, 0.1 if quick else 0.5, time_limit))
     progress(f"{key}: reference solution")
     problem = scene.problem()
     with warnings.catch_warnings():
@@ -93,13 +93,13 @@ def _point(scene: Scene, problem: Any, reference: Any, setting: Setting, runs: l
     return replace(point, error=error, **times)
 
 
-def _in_new_process(place: str, index: int, duration: float, time_limit: float) -> dict[str, Any]:
+def _in_new_process(location: str, index: int, duration: float, time_limit: float) -> dict[str, Any]:
     """Return what :func:`main` stores of one setting, or why it stores nothing."""
     environment = {name: value for name, value in os.environ.items() if name not in _THREADS}
     environment["PYTHONPATH"] = os.pathsep.join(filter(None, sys.path))
     with TemporaryDirectory(prefix="boomctl-") as folder:
         stored = Path(folder) / "answer.pickle"
-        words = [sys.executable, "-P", "-m", __name__, place, str(index), str(duration), str(stored)]
+        words = [sys.executable, "-P", "-m", __name__, location, str(index), str(duration), str(stored)]
         try:
             done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=time_limit)
         except subprocess.TimeoutExpired:
@@ -109,9 +109,9 @@ def _in_new_process(place: str, index: int, duration: float, time_limit: float) 
         return pickle.loads(stored.read_bytes())
 
 
-def main(place: str, index: str, duration: str, stored: str) -> None:
+def main(location: str, index: str, duration: str, stored: str) -> None:
     """Solve the problem of a scene at one setting, and store answer and run times, or the message of an exception."""
-    scene = scene_at(place)
+    scene = scene_at(location)
     setting = scene.settings[int(index)]
     problem = scene.problem()
     warnings.simplefilter("ignore")

@@ -12,15 +12,15 @@ from typing import Any, get_args
 
 from boomctl.checks import known
 from boomctl.files import plain
-from boomctl.lab.benchmark.diagram import Diagram, Point, Way
+from boomctl.lab.benchmark.diagram import Calls, Diagram, Point
 from boomctl.lab.benchmark.measure import measured
 from boomctl.report import Report, Section, Table, power
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "ctrlsys", "mpmath")
 _SHADES = {"NO": "#f9d6d5", "yes": "#e3f4e3"}
 SCENES = {
-    key: f"boomctl.lab.benchmark.scenes.{place}"
-    for key, place in {
+    key: f"boomctl.lab.benchmark.scenes.{location}"
+    for key, location in {
         "boom-sigma": "boom:boom_sigma",
         "boom-peak": "boom:boom_peak",
         "boom-time": "boom:boom_time",
@@ -92,13 +92,13 @@ class BenchmarkReport:
     def _lead_table(self) -> Table:
         lines = []
         for diagram in self.diagrams:
-            for way in get_args(Way):
-                if leads := diagram.leads(way):
+            for calls in get_args(Calls):
+                if leads := diagram.leads(calls):
                     (least, other, ours), (largest, *_) = leads[0], leads[-1]
                     lead = f"ours: {_name(ours)}" if ours else "none of ours has so small an error"
                     where = f"{error_words(other.error)}, {_name(other)}; {lead}"
                     ahead = "yes" if least >= 1.0 else "NO"
-                    lines.append((diagram.key, way, ahead, _ratio(least), where, _ratio(largest)))
+                    lines.append((diagram.key, calls, ahead, _ratio(least), where, _ratio(largest)))
         heads = ("Scene", "Calls", "Leads", "Least", "where", "Largest")
         caption = "Run time of each point of the others' front over that of our fastest setting with no larger error."
         return Table(heads, tuple(lines), caption, align="lllrlr", shades=_SHADES)
@@ -117,7 +117,7 @@ def _scene_section(diagram: Diagram) -> Section:
 def _point_table(diagram: Diagram) -> Table:
     lines = []
     for p in diagram.points:
-        front = ", ".join(way for way in get_args(Way) if p in diagram.front(way))
+        front = ", ".join(calls for calls in get_args(Calls) if p in diagram.front(calls))
         verified = "yes" if p.verified else "no"
         lines.append(
             (p.method, p.label, p.failed or error_words(p.error), duration(p.cold), duration(p.hot), verified, front)

@@ -69,7 +69,7 @@ def settings(
 
 def relative_error(least: float = 0.0) -> Callable[[Any, Array, Array], float]:
     """Return the error of a scene whose answers are arrays: the largest over the largest true value; at least ``least``."""
-    return lambda problem, true, found: max(float(np.abs(found - true).max() / np.abs(true).max()), least)
+    return lambda problem, true, answer: max(float(np.abs(answer - true).max() / np.abs(true).max()), least)
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ class Scene:
     @property
     def few(self) -> Mapping[int, Setting]:
         """Every third setting of each method, by its place among all."""
-        places: dict[str, list[int]] = {}
-        for place, setting in enumerate(self.settings):
-            places.setdefault(setting.method, []).append(place)
-        return {place: self.settings[place] for result in places.values() for place in result[::3]}
+        indices: dict[str, list[int]] = {}
+        for index, setting in enumerate(self.settings):
+            indices.setdefault(setting.method, []).append(index)
+        return {index: self.settings[index] for result in indices.values() for index in result[::3]}

@@ -1,4 +1,4 @@
-"""How many arcs a nonlinear plant's fastest torque has: linear programmes along its motion, one after the other."""
+"""Number of arcs of a nonlinear plant's minimum-time torque, by successive linear programming."""
 
 from itertools import groupby
 from operator import itemgetter
@@ -12,19 +12,19 @@ from boomctl.slew.end_map import EndMap, Steps
 from boomctl.slew.problem import AT_LIMIT
 from boomctl.slew.torque import TorqueProfile, held
 
-_TURNS = 25  # linear programmes at most; a safeguard
-_FARTHEST = 0.05  # share of the duration by which one programme may change it: as far as first derivatives serve
-_PENALTY = 100.0  # of a scaled defect of the end, beside a relative change of the duration: left only at need
-_STEP = 1.5  # rad that a step turns at most: half again as long as for the answer, for a grid asks for no more
-_SETTLED, _MET = 1e-7, 1e-5  # relative change of the duration, and defect of the end, at which the programmes end
+_TURNS = 25  # linear programs at most
+_FARTHEST = 0.05  # trust region: largest relative change of the duration by one linear program
+_PENALTY = 100.0  # penalty of a scaled terminal residual, relative to that of a relative change of the duration
+_STEP = 1.5  # largest phase of the fastest mode in a step [rad]: coarser than for the final durations
+_SETTLED, _MET = 1e-7, 1e-5  # relative change of the duration, and scaled terminal residual, at convergence
 
 
 def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile | None:
-    """A bang-bang torque that leads to the end but for the grid's coarseness; None if none is found.
+    """Return a bang-bang torque that reaches the target to within the error of the grid; None if none is found.
 
-    On a grid of equal intervals the torque's values and the duration are improved by linear programmes: the end's
-    derivatives along the motion so far, and the least duration that they allow. Their solutions sit at the torque's limit on
-    all but a few intervals, so they settle in few turns.
+    The torque values on equal intervals and the duration are improved by linear programs, which minimize the duration
+    subject to the terminal conditions linearized along the current motion. Their solutions are at the torque limit on all
+    but a few intervals, so few iterations are needed.
     """
     duration, limit = first.duration, ends.problem.limits.torque
     values = first.interval_means(np.linspace(0.0, duration, intervals + 1)) / limit
@@ -41,7 +41,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
             )
         defect = result.end - ends.target
         push = result.by_torque.reshape(defect.size, intervals, parts).sum(axis=2) * limit
-        change = _linear_programme(defect, push, result.by_width.sum(axis=1) * duration / count, values)
+        change = _linear_program(defect, push, result.by_width.sum(axis=1) * duration / count, values)
         if change is None:
             return None
         values, longer = np.clip(values + change[:-1], -1.0, 1.0), float(change[-1])
@@ -51,8 +51,8 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
     return arcs_behind(values, duration, limit)
 
 
-def _linear_programme(defect: Array, push: Array, longer: Array, values: Array) -> Array | None:
-    """Changes of the values and, relative, of the duration; a defect of the end may be left, at a price."""
+def _linear_program(defect: Array, push: Array, longer: Array, values: Array) -> Array | None:
+    """Return the changes of the values and the relative change of the duration; a terminal residual is penalized."""
     m, count = push.shape
     scale = np.maximum(np.linalg.norm(push, axis=1), 1e-300)[:, None]
     matrix = np.column_stack([push / scale, longer / scale[:, 0], np.eye(m), -np.eye(m)])
@@ -69,7 +69,7 @@ def _linear_programme(defect: Array, push: Array, longer: Array, values: Array) 
 
 
 def arcs_behind(values: Array, duration: float, limit: float) -> TorqueProfile:
-    """The bang-bang torque behind shares of the limit held on equal intervals: between full ones the mean decides."""
+    """Return the bang-bang torque for torque fractions on equal intervals: partial ones set switches by their mean."""
     kind = np.where(np.abs(values) > AT_LIMIT, np.sign(values), 0.0)
     first = np.flatnonzero(np.diff(kind, prepend=np.nan))
     signs, counts = kind[first], np.diff(first, append=values.size)
@@ -78,7 +78,7 @@ def arcs_behind(values: Array, duration: float, limit: float) -> TorqueProfile:
         length = float(counts[k]) * duration / values.size
         before = arcs[-1][0] if arcs else float(sign or np.sign(values[0]) or 1.0)
         after = float(signs[k + 1]) if k + 1 < signs.size else before
-        own = 0.5 * length * (1.0 + before * mean)  # of the sign before
+        own = 0.5 * length * (1.0 + before * mean)  # length with the sign before
         if sign:
             arcs.append((float(sign), length))
         elif before == after:

@@ -1,9 +1,9 @@
 """Minimum time of a nonlinear plant: the durations of a bang-bang torque's arcs, to the accuracy of the integration.
 
-``min sum d_i`` such that the end conditions hold, with the durations d_i of the arcs as only unknowns. Its multipliers give
-the costate; carried back along the motion it gives the switching function, whose sign must be the torque's. Where it is
-not, the torque has too few arcs: linear programmes along the motion then tell how many there are. Of a slew whose second half
-mirrors the first, only that is sought.
+``min sum d_i`` subject to the terminal conditions, with the durations d_i of the arcs as the only unknowns. The multipliers
+give the costate, whose backward propagation gives the switching function. Its sign must be that of the torque; otherwise the
+torque has too few arcs, and linear programs along the motion determine their number. Of a slew whose second half mirrors the
+first, only the first half is computed.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,36 +13,36 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import SUMMED
-from boomctl.slew.end_map import MOST_STEPS, STEP_SHARE, EndMap, end_map
+from boomctl.slew.end_map import MOST_STEPS, STEP_FRACTION, EndMap, end_map
 from boomctl.slew.least_time.arc_count import counted
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.replay import Candidate
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
-_GRIDS = (200, 600)  # intervals on which arcs are counted, the next where the switching function is still wrong
-_NEWTON = 40  # steps of Newton's method at most; a safeguard
-_PATIENCE = 5  # steps without nearing the end, as long as it is _FAR
-_FAR = 1e-3  # defect of the scaled end from which Newton's method may still be given up
-_NEARER = 0.7  # factor by which the defect has to fall to count as nearing the end
-_EMPTY = 3e-6  # share of the duration below which an arc is left out; _NOTHING where the end needs it
-_NOTHING = 1e-11  # share of the duration that is rounding
-_FOURTH_ORDER = 15.0  # 2^4 - 1: halved steps change the end by so many times what they leave in error
-_CHORDS = 6  # corrections with derivatives of coarser steps at most: with more Newton's method is as fast
-_SERVES = 0.2  # shrinking of the moves by which a Hessian that is kept still serves
-_SETTLED = 1e-11  # scaled defect of the end, and move over the duration, at which durations are exact: rounding
-_FLAT = 1e-12  # share of the duration that other durations may promise
-_ENOUGH = 0.1  # of the tolerance, for what a switching function of the wrong sign promises
-_POSITIVE, _ROOM = 0.8, 0.1  # share of an arc that a move may take away; share of the duration that it may change
-_EXTREMAL = 1e-4  # time that durations of arcs may leave to be gained, relative: more, and there are too few arcs
-_CURVED = 1e-8  # least curvature over the largest: keeps flat directions finite
+_GRIDS = (200, 600)  # intervals on which arcs are counted; the finer grid if the switching function has a wrong sign
+_NEWTON = 40  # Newton steps at most
+_PATIENCE = 5  # Newton steps without sufficient decrease of the residual, as long as it exceeds _FAR
+_FAR = 1e-3  # scaled terminal residual above which Newton's method may be stopped early
+_NEARER = 0.7  # factor of a sufficient decrease of the terminal residual
+_EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _NOTHING if the end conditions require it
+_NOTHING = 1e-11  # fraction of the duration that is rounding error
+_FOURTH_ORDER = 15.0  # 2^4 - 1: ratio of the change of the end by halved steps to their remaining error
+_CHORDS = 6  # corrections with the derivatives of coarser steps at most; Newton's method is as fast beyond
+_SERVES = 0.2  # ratio of successive moves below which the Hessian is reused
+_SETTLED = 1e-11  # scaled terminal residual, and move over the duration, at rounding level
+_FLAT = 1e-12  # predicted decrease over the duration at convergence
+_ENOUGH = 0.1  # predicted time saved by reversing wrong signs of the torque, as a fraction of the tolerance
+_POSITIVE, _MAX_MOVE = 0.8, 0.1  # largest fraction of an arc that a move removes; largest move over the duration
+_EXTREMAL = 1e-4  # relative gap above which the torque is assumed to have too few arcs
+_CURVED = 1e-8  # smallest curvature over the largest: bounds moves along flat directions
 
 
 @dataclass(frozen=True, eq=False)
 class _Arcs:
-    """Durations of a bang-bang torque's arcs [s] and the sign of the first; what is known of its optimality.
+    """Durations of a bang-bang torque's arcs [s] and the sign of the first, with data on their optimality.
 
-    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end; the time [s] that
-    other durations promise to save, and that where the switching function has the wrong sign, over the duration.
+    Sensitivity of the end to the durations, multipliers of the end conditions, Hessian of the weighted end; the predicted
+    time [s] saved by other durations, and that by reversing wrong signs of the torque, over the duration.
     """
 
     durations: Array
@@ -50,7 +50,7 @@ class _Arcs:
     slope: Array = field(default_factory=lambda: np.zeros((0, 0)))
     weights: Array = field(default_factory=lambda: np.zeros(0))
     hessian: Array = field(default_factory=lambda: np.zeros((0, 0)))
-    promised: float = np.inf
+    predicted: float = np.inf
     wrong: float = np.inf
 
     @staticmethod
@@ -62,7 +62,7 @@ class _Arcs:
         return bang_bang(edges[:-1], float(edges[-1]), limit, self.sign)
 
     def without_shortest(self) -> "_Arcs":
-        """Leave out the shortest arc; its neighbors become one."""
+        """Remove the shortest arc and join its neighbors."""
         d, k = self.durations, int(np.argmin(self.durations))
         if k == 0:
             return replace(self, durations=d[1:], sign=-self.sign)
@@ -72,153 +72,153 @@ class _Arcs:
 
 
 def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candidate | None, tuple[str, ...]]:
-    """Lead a bang-bang torque to the end in least time; None where that is no extremal; and what was done.
+    """Compute the minimum-time durations of a bang-bang torque; None if it is not an extremal; and the stages.
 
-    Where the second half of the slew mirrors the first, only that is sought. The gap is the time that the switching
-    function says could be gained where its sign is not the torque's, that the end's defect is worth, and that other
-    durations promise, over the duration.
+    If the second half of the slew mirrors the first, only the first is computed. The gap is the sum of three times over the
+    duration: the time saved by reversing wrong signs of the torque, the time equivalent of the integration error at the end,
+    and the decrease predicted for other durations.
     """
     half = halved(problem)
     ends = end_map(half or problem, first)
     start = first_half(first) if half else first
-    found, stages = _stationary(ends, _Arcs.of(start), 1), ("durations of arcs", *(["first half"] if half else []))
+    best, stages = _stationary(ends, _Arcs.of(start), 1), ("durations of arcs", *(["first half"] if half else []))
     for intervals in _GRIDS:
-        if found is not None and found.wrong < _ENOUGH * problem.planning_rtol:
+        if best is not None and best.wrong < _ENOUGH * problem.planning_rtol:
             break
         try:
-            torque = counted(ends, start if found is None else found.history(problem.limits.torque), intervals)
+            torque = counted(ends, start if best is None else best.history(problem.limits.torque), intervals)
         except SlewError:  # a motion overflows
-            if found is None:
+            if best is None:
                 raise
             break
         more = None if torque is None else _stationary(ends, _Arcs.of(torque), 1)
-        found = min((item for item in (more, found) if item is not None), key=lambda item: item.wrong, default=None)
+        best = min((item for item in (more, best) if item is not None), key=lambda item: item.wrong, default=None)
         stages = (*stages, f"arcs counted on {intervals} intervals")
-    result = None if found is None else _refined(ends, found)
+    result = None if best is None else _refined(ends, best)
     if result is None or result.gap >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
     return (replace(result, history=doubled(result.history)) if half else result), stages
 
 
 def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorqueProfile | None:
-    """Change the durations of a torque's arcs by what removes a defect of the scaled end; None if an arc would vanish."""
+    """Correct the durations of a torque's arcs for a residual of the scaled end; None if an arc would vanish."""
     arcs = _Arcs.of(history)
     steps = ends.steps(arcs.sign, arcs.durations, _counts(ends, arcs.durations))
     d = arcs.durations - np.linalg.lstsq(ends.sensitivity(steps).by_duration, defect, rcond=None)[0]
     return replace(arcs, durations=d).history(ends.problem.limits.torque) if d.min() > _shortest(ends, d) else None
 
 
-def _refined(ends: EndMap, found: _Arcs) -> Candidate | None:
-    """Halve the steps until the end stays where it is."""
+def _refined(ends: EndMap, arcs: _Arcs) -> Candidate | None:
+    """Halve the steps until the terminal state changes by less than the tolerance."""
     tolerance, error, finer = ends.problem.planning_rtol, np.inf, 1
-    while error > STEP_SHARE * tolerance and finer * _counts(ends, found.durations).sum() < MOST_STEPS:
+    while error > STEP_FRACTION * tolerance and finer * _counts(ends, arcs.durations).sum() < MOST_STEPS:
         finer *= 2
-        near, error = _corrected(ends, found, finer)
+        near, error = _corrected(ends, arcs, finer)
         if near is None:
-            near = _stationary(ends, found, finer)
+            near = _stationary(ends, arcs, finer)
         if near is None:
             return None
-        found = near
-    settled = _stationary(ends, found, finer)
+        arcs = near
+    settled = _stationary(ends, arcs, finer)
     if settled is None:
         return None
     history = settled.history(ends.problem.limits.torque)
-    worth = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
-    gap = settled.wrong + (settled.promised + worth) / history.duration
+    time_error = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
+    gap = settled.wrong + (settled.predicted + time_error) / history.duration
     return Candidate(history, "switching times", gap, "extremal")
 
 
-def _corrected(ends: EndMap, found: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
-    """Lead to the end with finer steps by the derivatives of the coarser; None if they do not; the defect at first."""
-    counts, d, errors = finer * _counts(ends, found.durations), found.durations, []
+def _corrected(ends: EndMap, arcs: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
+    """Correct the durations for finer steps by the coarser ones' derivatives, or None; return the initial residual too."""
+    counts, d, errors = finer * _counts(ends, arcs.durations), arcs.durations, []
     for _ in range(_CHORDS):
         ends.problem.deadline.check(f"durations of {d.size} arcs in {counts.sum()} steps", float(d.sum()))
-        defect = ends.defect(ends.steps(found.sign, d, counts))
+        defect = ends.defect(ends.steps(arcs.sign, d, counts))
         errors.append(float(np.abs(defect).max()))
-        d = d - np.linalg.lstsq(found.slope, defect, rcond=None)[0]
+        d = d - np.linalg.lstsq(arcs.slope, defect, rcond=None)[0]
         if not errors[-1] <= errors[0] or d.min() <= _shortest(ends, d):
             return None, errors[0]
         if errors[-1] < _SETTLED:
             break
-    return replace(found, durations=d), errors[0]
+    return replace(arcs, durations=d), errors[0]
 
 
 def _counts(ends: EndMap, durations: Array) -> Array:
-    """How many steps each arc is cut into."""
+    """Return the number of steps of every arc."""
     return np.maximum(2, np.ceil(durations * ends.step_frequency)).astype(int)
 
 
 def _shortest(ends: EndMap, d: Array) -> float:
-    """Duration below which an arc is left out; where the end needs every one, only next to nothing is too short."""
+    """Return the duration below which an arc is removed: rounding level if the end conditions require all arcs."""
     return float(d.sum()) * (_EMPTY if d.size >= ends.rows.shape[0] + 2 else _NOTHING)
 
 
-def _stationary(ends: EndMap, found: _Arcs, finer: int) -> _Arcs | None:
-    """Stationary durations, arcs of no length left out; None where there are too few, or Newton's method fails."""
-    while found.durations.size >= ends.rows.shape[0]:
-        answer = _newton(ends, found, finer * _counts(ends, found.durations))
+def _stationary(ends: EndMap, arcs: _Arcs, finer: int) -> _Arcs | None:
+    """Return stationary durations without vanishing arcs; None if there are too few arcs or Newton's method fails."""
+    while arcs.durations.size >= ends.rows.shape[0]:
+        answer = _newton(ends, arcs, finer * _counts(ends, arcs.durations))
         if answer is None or answer.durations.min() > _shortest(ends, answer.durations):
             return answer
-        found = answer.without_shortest()
+        arcs = answer.without_shortest()
     return None
 
 
-def _newton(ends: EndMap, found: _Arcs, counts: Array) -> _Arcs | None:
-    """Durations of least sum: Newton's method. An arc that would vanish is returned as it vanishes.
+def _newton(ends: EndMap, arcs: _Arcs, counts: Array) -> _Arcs | None:
+    """Minimize the sum of the durations by Newton's method; stop when an arc vanishes.
 
-    The Hessian is kept as long as it serves.
+    The Hessian is reused while the moves shrink fast enough.
     """
-    size, before, total, count = np.inf, np.inf, float(found.durations.sum()), found.durations.size
+    size, before, total, count = np.inf, np.inf, float(arcs.durations.sum()), arcs.durations.size
     least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
         ends.problem.deadline.check(f"durations of {count} arcs in {counts.sum()} steps", total)
-        reached = ends.sensitivity(ends.steps(found.sign, found.durations, counts))
+        reached = ends.sensitivity(ends.steps(arcs.sign, arcs.durations, counts))
         defect, slope = reached.end - ends.target, reached.by_duration
         patience = _PATIENCE if np.abs(defect).max() < _NEARER * least else patience - 1
         least = min(least, float(np.abs(defect).max()))
         if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
             return None
-        found = replace(found, slope=slope, weights=reached.multipliers)
-        if count > defect.size and (found.hessian.shape[0] != count or size > _SERVES * before):
-            found = replace(found, hessian=ends.hessian(reached, reached.multipliers))
-        onto, beside, promised = _newton_step(defect, slope, found.hessian)
-        before, size = size, float(np.abs(onto + beside).max() / total)
-        flat = promised < _FLAT * total
-        if flat and np.abs(onto).max() < _SETTLED * total:
-            return replace(found, promised=promised, wrong=reached.wrong_sign / total)
-        d = _moved(found.durations, onto)
-        found = replace(found, durations=d if flat else _moved(d, beside))
-        if found.durations.min() < _shortest(ends, found.durations):
-            return found
+        arcs = replace(arcs, slope=slope, weights=reached.multipliers)
+        if count > defect.size and (arcs.hessian.shape[0] != count or size > _SERVES * before):
+            arcs = replace(arcs, hessian=ends.hessian(reached, reached.multipliers))
+        normal, tangential, predicted = _newton_step(defect, slope, arcs.hessian)
+        before, size = size, float(np.abs(normal + tangential).max() / total)
+        flat = predicted < _FLAT * total
+        if flat and np.abs(normal).max() < _SETTLED * total:
+            return replace(arcs, predicted=predicted, wrong=reached.wrong_sign / total)
+        d = _moved(arcs.durations, normal)
+        arcs = replace(arcs, durations=d if flat else _moved(d, tangential))
+        if arcs.durations.min() < _shortest(ends, arcs.durations):
+            return arcs
     return None
 
 
 def _moved(d: Array, move: Array) -> Array:
-    """Durations changed by as much of a move as keeps them positive, and changes none by more than a tenth of all."""
+    """Return the durations after a damped move: they remain positive, none changes by more than a tenth of their sum."""
     shrink = float(np.max(np.maximum(-move, 0.0) / d))
     far = float(np.abs(move).max() / d.sum())
-    return d + move * min(1.0, _POSITIVE / max(shrink, _POSITIVE), _ROOM / max(far, _ROOM))
+    return d + move * min(1.0, _POSITIVE / max(shrink, _POSITIVE), _MAX_MOVE / max(far, _MAX_MOVE))
 
 
 def _newton_step(defect: Array, slope: Array, hessian: Array) -> tuple[Array, Array, float]:
-    """Changes of the durations that lead to the end, and beside it to the least sum; what the latter promises, s."""
+    """Return the normal step to the end, the tangential step to the least sum, and the decrease predicted for it, s."""
     m, q = slope.shape
     whole, triangle = np.linalg.qr(slope.T, mode="complete")
-    onto = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -defect, rcond=1e-14)[0]
+    normal = whole[:, :m] @ np.linalg.lstsq(triangle[:m].T, -defect, rcond=1e-14)[0]
     if q == m:
-        return onto, np.zeros(q), 0.0
+        return normal, np.zeros(q), 0.0
     free = whole[:, m:]
     values, vectors = np.linalg.eigh(free.T @ hessian @ free)
     values = np.maximum(np.abs(values), _CURVED * np.abs(values).max() + 1e-300)
-    downhill = vectors.T @ (free.T @ (np.ones(q) + hessian @ onto))
-    return onto, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
+    downhill = vectors.T @ (free.T @ (np.ones(q) + hessian @ normal))
+    return normal, -free @ (vectors @ (downhill / values)), 0.5 * float(np.sum(downhill**2 / values))
 
 
 def halved(problem: SlewProblem) -> SlewProblem | None:
-    """The way to the middle of a slew whose second half is the mirror image of its first; None where there is none.
+    """Return the first half of a slew whose second half is its mirror image; None if there is no such symmetry.
 
-    Of beams without damping, from rest to rest, ``u(t) = -u(T - t)`` and positions turned about the middle lead back in time
-    as they lead on. The way to T/2 must then end with the positions in the middle, the rates are free.
+    Undamped beams from rest to rest are reversible: ``u(t) = -u(T - t)``, with positions mirrored about the middle. The
+    first half must then end at T/2 with the positions in the middle; the rates are free.
     """
     damped = any(np.any(plant.A[plant.n // 2 :, plant.n // 2 :]) for plant in problem.plants)
     if problem.linear or problem.angle is None or problem.final_speed or damped:
@@ -228,16 +228,16 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
 
 
 def first_half(history: TorqueProfile) -> TorqueProfile:
-    """A torque up to the middle of its duration."""
+    """Return a torque up to the middle of its duration."""
     middle = 0.5 * history.duration
-    # share of a duration by which an edge has to lie before its middle: rounding
+    # an edge counts as before the middle if the distance exceeds rounding error
     inner = history.edges[history.edges < middle * (1.0 - SUMMED)]
     edges = np.append(inner, middle)
     return held(edges, history.start_values[: inner.size])
 
 
 def doubled(history: TorqueProfile) -> TorqueProfile:
-    """A torque that is held on arcs, followed by its negative mirror image."""
+    """Return a torque that is held on arcs, followed by its negative mirror image."""
     widths = np.diff(history.edges)
     edges = np.concatenate([[0.0], np.cumsum(np.concatenate([widths, widths[::-1]]))])
     return held(edges, np.concatenate([history.start_values, -history.start_values[::-1]]))

@@ -1,11 +1,11 @@
 """Minimum time of a linear system under a torque limit: exact switching times, and the proof that they are optimal.
 
-Of a problem the linear part counts alone, and of its limits that of the torque.
+Only the linear part of a problem and its torque limit are used.
 
 The problem is convex and normal, so Pontryagin's principle is sufficient: a torque ``u = limit sign(p)``, with the
 switching function ``p(t) = costate^T exp(A (T - t)) B``, that reaches the end state takes the least time. A linear
-programme on a grid shows how often p changes its sign; Newton's method on the end conditions, ``p(t_i) = 0`` and
-``H(T) = 1`` then gives the switching times to rounding, for matrix exponentials have no time step.
+program on a grid gives the number of sign changes of p; Newton's method on the end conditions, ``p(t_i) = 0`` and
+``H(T) = 1`` then gives the switching times to rounding error, since matrix exponentials have no time step.
 """
 
 import math
@@ -22,24 +22,24 @@ from boomctl.slew.linear import flow
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, bang_bang
 
-_GRIDS = (200, 600, 2000, 6000)  # intervals, the next where the one before shows no arcs that Newton's method takes
-_BLIND = 3.0  # rad that the fastest vibration turns in an interval of a grid that does not see it
-_BESIDE = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit from which Newton's method starts, the nearest first
-_HOPELESS = 1e9  # torque over its limit that stands for "in no time like this one"
-_SECANTS = 12  # times tried at most until the least peak on a grid is about the limit; some five do
-_CAREFUL = 0.05  # step of the logarithm of the time, where times that allow a slew may be few (a choice)
-_FAR = 3.0  # of the logarithm of the time, in which such a time is sought: twenty times the guess (a choice)
-_ROUGHLY = 1e-3  # of the logarithm of the peak, near enough for Newton's method: a fifth of an interval of the grid
-_REWEIGHTED = 20  # least-squares problems for each time tried, whose weights the next goes on from (a choice)
-_THIN = 1e-6  # share of the largest |G^T y| below which weights grow no further
-_NEWTON = 60  # steps of Newton's method at most; from where arcs are about to appear it is damped and slow
-_CONVERGED, _ROUNDED = 1e-9, 1e-11  # largest last step of a time over the duration: to be believed; to be left at once
-_MISSED = 1e-6  # of the end state, by which its conditions may be missed: what a replay is held to
-_SHORTEST = 1e-4  # of a step of Newton's method; below it switching times cross
-_TOGETHER = 1e-7  # share of the duration below which two switching times are one: the arc between them does nothing
-_AGREE = 1e-6  # size of a switching function of the wrong sign, over its largest, that is rounding at the switches
-_SAMPLES = 4000  # instants at which the signs of torque and switching function are compared; a choice
-_PARTS = 2000  # of the duration, in which the integral of |p| is summed: |p| is smooth between switches
+_GRIDS = (200, 600, 2000, 6000)  # intervals; the next finer grid if Newton's method fails from the arcs of one grid
+_BLIND = 3.0  # phase of the fastest vibration in an interval above which a grid does not resolve it [rad]
+_LIMIT_FACTORS = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit for other starts of Newton's method
+_HOPELESS = 1e9  # torque over its limit above which a duration counts as infeasible
+_SECANTS = 12  # secant steps at most until the least peak on a grid is about the limit; about five are usual
+_CAREFUL = 0.05  # step of log(time), if more time may be infeasible
+_FAR = 3.0  # range of log(time) of that search: twenty times the guess
+_ROUGHLY = 1e-3  # tolerance of log(peak), enough for Newton's method: a fifth of an interval of the grid
+_REWEIGHTED = 20  # reweighted least-squares iterations for a duration; weights carry over to the next duration
+_THIN = 1e-6  # fraction of the largest |G^T y| below which weights are bounded
+_NEWTON = 60  # Newton steps at most; it is damped and slow near a change of the number of arcs
+_CONVERGED, _ROUNDED = 1e-9, 1e-11  # last step of a time over the duration: to accept the result; to stop at once
+_RESIDUAL = 1e-6  # largest relative terminal residual: the default rtol of a replay
+_SHORTEST = 1e-4  # smallest damping factor of a Newton step; below it switching times cross
+_TOGETHER = 1e-7  # fraction of the duration below which two switching times coincide and their arc is removed
+_AGREE = 1e-6  # wrong-signed switching function over its maximum that is rounding error at the switches
+_SAMPLES = 4000  # times at which the signs of torque and switching function are compared
+_PARTS = 2000  # parts of the duration for the quadrature of |p|, which is smooth between switches
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,15 +49,15 @@ class Extremal:
     Attributes
     ----------
     switches : ndarray
-        Instants at which the torque changes its sign, s.
+        Times at which the torque changes its sign, s.
     duration : float
-        s.
+        Duration, s.
     sign : float
-        Of the first arc.
+        Sign of the first arc.
     limit : float
-        Of the torque, N m.
+        Torque limit, N m.
     costate : ndarray, n
-        At the end, such that the Hamiltonian is 1.
+        Costate at the end, scaled to a Hamiltonian of 1.
     """
 
     switches: Array
@@ -73,7 +73,7 @@ class Extremal:
 
 
 def least_time(problem: SlewProblem) -> Extremal:
-    """Minimum-time slew of the linear part: where nonlinear plants start, and for linear ones the answer itself.
+    """Compute the minimum-time slew of the linear part: the solution for linear plants, a starting point for others.
 
     Raises
     ------
@@ -82,30 +82,30 @@ def least_time(problem: SlewProblem) -> Extremal:
     """
     first = rigid_and_slowest(problem)
     guess = problem.rigid_time if first is None else first.duration
-    found = _fastest(problem, guess)
-    # where an arc is about to appear, no grid shows how many there are; a torque limit beside the given one may
-    for factor in _BESIDE if found is None else ():
+    extremal = _fastest(problem, guess)
+    # where the number of arcs changes, no grid resolves it; a slightly different torque limit may
+    for factor in _LIMIT_FACTORS if extremal is None else ():
         limits = replace(problem.limits, torque=factor * problem.limits.torque)
         near = _fastest(replace(problem, limits=limits), guess)
         if near is not None:
             near = replace(near, limit=problem.limits.torque)
-            found = _agreeing(problem, _newton(problem, _fitted(problem, near)))
-        if found is not None:
+            extremal = _agreeing(problem, _newton(problem, _fitted(problem, near)))
+        if extremal is not None:
             break
-    if found is None:
+    if extremal is None:
         raise SlewError("torque_limit: the switching times of the fastest slew within it were not found")
-    return found
+    return extremal
 
 
-def time_gap(problem: SlewProblem, found: Extremal) -> float:
-    """Time that might still be gained, relative: by weak duality, and where the torque has the wrong sign; at most all."""
-    return min(1.0, max(1.0 - lower_bound(problem, found) / found.duration, misfit(problem, found)))
+def time_gap(problem: SlewProblem, extremal: Extremal) -> float:
+    """Return the relative optimality gap: by weak duality, or by wrong signs of the torque if larger; at most 1."""
+    return min(1.0, max(1.0 - lower_bound(problem, extremal) / extremal.duration, misfit(problem, extremal)))
 
 
 def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
-    """The least time from a guess of it [s]: from what reweighted least squares on a grid suggest, or linear programmes.
+    """Compute the least time from a guess of it [s], started by reweighted least squares on a grid or linear programs.
 
-    Nothing is taken on trust: Newton's method and the signs of the switching function judge what comes out.
+    The result is verified by the convergence of Newton's method and the signs of the switching function.
     """
     grids = _GRIDS if problem.waits else _GRIDS[:1]
     for intervals, least_sum in ((_GRIDS[0], _reweighted), *((count, _programmed) for count in grids)):
@@ -113,24 +113,24 @@ def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
             continue
         first = _on_grid(problem, guess, intervals, least_sum)
         if first is not None:
-            guess, found = first.duration, _agreeing(problem, _newton(problem, first))
-            if found is not None:
-                return found
+            guess, extremal = first.duration, _agreeing(problem, _newton(problem, first))
+            if extremal is not None:
+                return extremal
     return None
 
 
 _LeastSum: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array] | None]
-"""The y with ``d^T y = 1`` and the least ``sum |G^T y|``, and weights to go on from; None where there is none."""
+"""The y with ``d^T y = 1`` and the least ``sum |G^T y|``, and weights to continue from; None if there is none."""
 
 
 def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _LeastSum) -> Extremal | None:
-    """Switches of torques held on a grid, in the time [s] in which the least peak is about the limit.
+    """Return the switches of a torque held on a grid, for the duration [s] at which the least peak is about the limit.
 
-    The least peak for a given time is the largest ``d^T y`` with ``sum |G^T y| <= 1``, with few unknowns y, one an end
+    The least peak for a duration is the largest ``d^T y`` with ``sum |G^T y| <= 1``, with one unknown y per terminal
     condition; the torque has the sign of ``G^T y``.
     """
     logarithms, peaks, weights = [math.log(guess)], [], np.ones(intervals)
-    # where more time may be of no use, the least is sought from below
+    # where more time may be infeasible, the least time is approached from below
     longest, tries = (1.0, _SECANTS) if problem.waits else (_CAREFUL, int(_FAR / _CAREFUL))
     for _ in range(tries):
         problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
@@ -147,7 +147,7 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
         sums = y / scale @ G
         peaks.append(-math.log(float(np.abs(sums).sum())))
         if len(peaks) == 1:
-            further = 0.5 * peaks[0]  # of a rigid body, whose least peak falls with the square of the time
+            further = 0.5 * peaks[0]  # for a rigid body the least peak falls with the square of the time
         elif abs(peaks[-1]) < _ROUGHLY:
             return _from_costate(problem, duration, (y / scale) @ problem.ends, 2 * intervals)
         elif peaks[-1] == peaks[-2]:
@@ -159,7 +159,7 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
 
 
 def _reweighted(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None:
-    """Nearly the least sum, by least squares with the weights ``1/|G^T y|``: ten times as fast as a linear programme."""
+    """Approximate the least sum by least squares with weights ``1/|G^T y|``, ten times as fast as a linear program."""
     y = np.zeros(d.size)
     for _ in range(_REWEIGHTED):
         try:
@@ -176,7 +176,7 @@ def _reweighted(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | Non
 
 
 def _programmed(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | None:
-    """The least sum, by a linear programme for the torque over its limit that leads farthest towards d."""
+    """Compute the least sum by a linear program for the torque over its limit that leads farthest towards d."""
     answer = linprog(
         np.append(np.zeros(weights.size), -1.0),
         A_eq=np.column_stack([G, -d]),
@@ -184,17 +184,17 @@ def _programmed(G: Array, d: Array, weights: Array) -> tuple[Array, Array] | Non
         bounds=[(-1.0, 1.0)] * weights.size + [(0.0, None)],
         method="highs-ds",
     )
-    # no torque, which leads nowhere, is always a solution: what fails is arithmetic, in times far too short
+    # a zero torque is always feasible: a failure is numerical, at far too short durations
     y = answer.eqlin.marginals if answer.status == 0 else np.zeros(d.size)
     reached = abs(float(y @ d))
     return (y * np.sign(y @ d) / reached, weights) if reached > 1.0 / _HOPELESS else None
 
 
 def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
-    """The fastest turn of a beam with its slowest vibration alone, without damping; None of what is no turn of one beam.
+    """Return the fastest turn of a beam with its slowest vibration only, undamped; None if it is not a turn of one beam.
 
     Switches are in the middle, at H, and b before and after it: ``limit / inertia (H^2 - 2 b^2)`` is the angle, and the
-    vibration ends with ``cos(w H) - 2 cos(w b) + 1 = 0``, not positive at b = 0, nor negative at a quarter of a period.
+    vibration vanishes if ``cos(w H) - 2 cos(w b) + 1 = 0``, which is <= 0 at b = 0 and >= 0 at a quarter of a period.
     """
     plant = problem.plants[0]
     if len(problem.plants) > 1 or plant.frequencies is None or plant.inertia is None or problem.angle is None:
@@ -203,45 +203,45 @@ def rigid_and_slowest(problem: SlewProblem) -> TorqueProfile | None:
         return None
     turn = problem.angle
     area, w = abs(turn) * plant.inertia / problem.limits.torque, float(plant.frequencies[1])
-    swing = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
-    b = float(brentq(swing, 0.0, 0.5 * math.pi / w))
+    vibration = lambda b: math.cos(w * math.sqrt(area + 2.0 * b * b)) - 2.0 * math.cos(w * b) + 1.0  # noqa: E731
+    b = float(brentq(vibration, 0.0, 0.5 * math.pi / w))
     half = math.sqrt(area + 2.0 * b * b)
     return bang_bang(np.array([half - b, half, half + b]), 2.0 * half, problem.limits.torque, math.copysign(1.0, turn))
 
 
-def switching_function(problem: SlewProblem, found: Extremal, t: Array) -> Array:
-    """``p(t) = costate^T exp(A (T - t)) B`` at evenly spaced instants t [s], 1/(N m s); the torque has its sign."""
-    last = flow(problem).step(found.duration - float(t[-1]))[0] @ flow(problem).B
-    return (found.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
+def switching_function(problem: SlewProblem, extremal: Extremal, t: Array) -> Array:
+    """Return ``p(t) = costate^T exp(A (T - t)) B`` at evenly spaced times t [s], 1/(N m s); the torque has its sign."""
+    last = flow(problem).step(extremal.duration - float(t[-1]))[0] @ flow(problem).B
+    return (extremal.costate @ flow(problem).carried(last, float(t[-1] - t[0]) / (t.size - 1), t.size))[::-1]
 
 
-def lower_bound(problem: SlewProblem, found: Extremal) -> float:
-    """A time that no torque within the limit can beat, s, by weak duality.
+def lower_bound(problem: SlewProblem, extremal: Extremal) -> float:
+    """Return a lower bound on the duration within the torque limit, s, by weak duality.
 
     With ``c`` the costate, any torque that leads from start to target in the time T has
-    ``c^T (target - exp(A T) start) = int p u dt <= limit int |p| dt``. At the time found the two sides differ by rounding
-    and by what the switching times miss; that difference over the Hamiltonian (1 at the end) is a time. Where the plant
-    can wait at its start or its target, less time than that is impossible too.
+    ``c^T (target - exp(A T) start) = int p u dt <= limit int |p| dt``. At the computed time the two sides differ by rounding
+    and by the error of the switching times; that difference over the Hamiltonian (1 at the end) is a time. If the plant
+    can wait at its start or its target, shorter durations are infeasible too.
     """
-    row, most = found.costate, 0.0
-    for arc in np.diff(np.concatenate([[0.0], found.switches, [found.duration]]))[::-1]:
-        parts = math.ceil(_PARTS * arc / found.duration)
+    row, most = extremal.costate, 0.0
+    for arc in np.diff(np.concatenate([[0.0], extremal.switches, [extremal.duration]]))[::-1]:
+        parts = math.ceil(_PARTS * arc / extremal.duration)
         Phi, push = flow(problem).step(arc / parts)
         most += problem.limits.torque * float(np.abs(row @ flow(problem).carried(push, arc / parts, parts)).sum())
         row = row @ np.linalg.matrix_power(Phi, parts)
-    weights = np.linalg.lstsq(problem.ends.T, found.costate, rcond=None)[0]
+    weights = np.linalg.lstsq(problem.ends.T, extremal.costate, rcond=None)[0]
     needed = float(weights @ problem.ends @ problem.target - row @ problem.start)
-    return found.duration - abs(needed - most)
+    return extremal.duration - abs(needed - most)
 
 
 def _from_costate(problem: SlewProblem, duration: float, costate: Array, samples: int) -> Extremal | None:
-    """Switches where the switching function of a costate changes its sign; None where it has no scale."""
+    """Return the switches at sign changes of a costate's switching function; None without a nonzero, finite Hamiltonian."""
     rough = Extremal(np.zeros(0), duration, 1.0, problem.limits.torque, costate)
     t = np.linspace(0.0, duration, samples + 1)
     p = switching_function(problem, rough, t)
     change = np.flatnonzero(np.sign(p[:-1]) * np.sign(p[1:]) < 0)
-    share = p[change] / (p[change] - p[change + 1])
-    rough = replace(rough, switches=t[change] + share * (t[1] - t[0]), sign=float(np.sign(p[0]) or np.sign(p[1])))
+    fraction = p[change] / (p[change] - p[change + 1])
+    rough = replace(rough, switches=t[change] + fraction * (t[1] - t[0]), sign=float(np.sign(p[0]) or np.sign(p[1])))
     hamiltonian = float(costate @ _end(problem, rough)[1])
     if not np.isfinite(hamiltonian) or hamiltonian == 0.0:
         return None
@@ -249,7 +249,7 @@ def _from_costate(problem: SlewProblem, duration: float, costate: Array, samples
 
 
 def _fitted(problem: SlewProblem, rough: Extremal) -> Extremal:
-    """The costate whose switching function vanishes at the switches, its Hamiltonian 1; the grid's may not be unique."""
+    """Compute the costate whose switching function vanishes at the switches, with Hamiltonian 1, by least squares."""
     _, rate, later = _end(problem, rough)
     lines = np.vstack([later.T, rate]) @ problem.ends.T
     weights = _least_squares(lines, np.append(np.zeros(rough.switches.size), 1.0), 1e-12)
@@ -257,16 +257,16 @@ def _fitted(problem: SlewProblem, rough: Extremal) -> Extremal:
 
 
 def _least_squares(matrix: Array, right: Array, rcond: float) -> Array:
-    """Solve equations of any sizes and units: columns and rows are brought to the size one first."""
+    """Solve least squares after scaling columns and rows to unit maximum."""
     columns = np.maximum(np.abs(matrix).max(axis=0), 1e-300)
     lines = np.maximum(np.abs(matrix / columns).max(axis=1), 1e-300)
     return np.linalg.lstsq(matrix / columns / lines[:, None], right / lines, rcond=rcond)[0] / columns
 
 
-def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array, Array]:
-    """End state and its rate, and ``exp(A (T - t_i)) B``, n x k: what a torque at each switch does to the end."""
-    edges = np.concatenate([[0.0], found.switches, [found.duration]])
-    linear, z, value = flow(problem), problem.start, found.sign * problem.limits.torque
+def _end(problem: SlewProblem, extremal: Extremal) -> tuple[Array, Array, Array]:
+    """Return the end state, its rate, and ``exp(A (T - t_i)) B``, n x k: the effect of an impulse at each switch."""
+    edges = np.concatenate([[0.0], extremal.switches, [extremal.duration]])
+    linear, z, value = flow(problem), problem.start, extremal.sign * problem.limits.torque
     later = np.empty((z.size, 0))
     for h in np.diff(edges):
         Phi, push = linear.step(float(h))
@@ -275,25 +275,25 @@ def _end(problem: SlewProblem, found: Extremal) -> tuple[Array, Array, Array]:
     return z, linear.A @ z - linear.B * value, later[:, 1:]
 
 
-def _agreeing(problem: SlewProblem, found: Extremal | None) -> Extremal | None:
-    """Leave out pairs of switches that coincide, and solve for the rest; None where the torque is not that of the costate."""
-    while found is not None and found.switches.size > 1:
-        gaps = np.diff(found.switches)
+def _agreeing(problem: SlewProblem, extremal: Extremal | None) -> Extremal | None:
+    """Remove pairs of coincident switches and solve for the others; None if the signs of torque and costate differ."""
+    while extremal is not None and extremal.switches.size > 1:
+        gaps = np.diff(extremal.switches)
         k = int(np.argmin(gaps))
-        if gaps[k] > _TOGETHER * found.duration:
+        if gaps[k] > _TOGETHER * extremal.duration:
             break
-        found = _newton(problem, replace(found, switches=np.delete(found.switches, [k, k + 1])))
-    return found if found is not None and misfit(problem, found) < _AGREE else None
+        extremal = _newton(problem, replace(extremal, switches=np.delete(extremal.switches, [k, k + 1])))
+    return extremal if extremal is not None and misfit(problem, extremal) < _AGREE else None
 
 
 def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
-    """Newton's method on all of Pontryagin's conditions; None if the switches cross or it does not converge.
+    """Solve all of Pontryagin's conditions by Newton's method; None if the switches cross or it does not converge.
 
-    With too few switches its steps, solved for in least squares, may end where the end conditions are not met: None too.
+    With too few switches, its least-squares steps may converge to a point that violates the end conditions: also None.
     """
     result, ends = first, problem.ends
     weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
-    best, size, missed = None, np.inf, np.inf
+    best, size, error = None, np.inf, np.inf
     reached = max(float(np.abs(ends @ problem.target).max()), float(np.abs(ends @ problem.start).max()))
     for _ in range(_NEWTON):
         problem.deadline.check(f"{result.switches.size} switching times of the linear part", result.duration)
@@ -303,7 +303,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
         step = float(np.abs(move[: count + 1]).max() / result.duration)
         if step < size:
             best, size = replace(result, costate=weights @ ends), step
-            missed = float(np.abs(residual[: ends.shape[0]]).max()) / reached
+            error = float(np.abs(residual[: ends.shape[0]]).max()) / reached
         elif size < _ROUNDED:
             break
         damping = 1.0
@@ -316,15 +316,15 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
             return None
         result = replace(result, switches=times[:-1], duration=float(times[-1]))
         weights = weights + damping * move[count + 1 :]
-    return best if size < _CONVERGED and missed < _MISSED else None
+    return best if size < _CONVERGED and error < _RESIDUAL else None
 
 
-def _conditions(problem: SlewProblem, found: Extremal, weights: Array) -> tuple[Array, Array]:
+def _conditions(problem: SlewProblem, extremal: Extremal, weights: Array) -> tuple[Array, Array]:
     """Defects of end conditions, switching function and Hamiltonian, and their derivatives (switches, time, weights)."""
     A, ends = problem.A, problem.ends
-    m, k = ends.shape[0], found.switches.size
-    z, rate, later = _end(problem, found)
-    jumps = 2.0 * found.sign * problem.limits.torque * (-1.0) ** np.arange(k)
+    m, k = ends.shape[0], extremal.switches.size
+    z, rate, later = _end(problem, extremal)
+    jumps = 2.0 * extremal.sign * problem.limits.torque * (-1.0) ** np.arange(k)
     moved = np.column_stack([later * jumps, rate])  # d z(T) / d (switches, T)
     row = weights @ ends
     residual = np.concatenate([ends @ (z - problem.target), row @ later, [row @ rate - 1.0]])
@@ -336,9 +336,9 @@ def _conditions(problem: SlewProblem, found: Extremal, weights: Array) -> tuple[
     return residual, slope
 
 
-def misfit(problem: SlewProblem, found: Extremal) -> float:
-    """Largest size of the switching function where the torque has the other sign, over its largest size."""
-    t = (np.arange(_SAMPLES) + 0.5) * found.duration / _SAMPLES
-    p = switching_function(problem, found, t)
-    sign = found.sign * (-1.0) ** np.searchsorted(found.switches, t, side="right")
+def misfit(problem: SlewProblem, extremal: Extremal) -> float:
+    """Return the largest modulus of the switching function where the torque has the other sign, over its maximum."""
+    t = (np.arange(_SAMPLES) + 0.5) * extremal.duration / _SAMPLES
+    p = switching_function(problem, extremal, t)
+    sign = extremal.sign * (-1.0) ** np.searchsorted(extremal.switches, t, side="right")
     return float(max(0.0, (-p * sign).max()) / np.abs(p).max())

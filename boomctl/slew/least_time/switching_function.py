@@ -1,4 +1,4 @@
-"""The switching function of a slew of least time, beside the torque that follows its sign."""
+"""Switching function of a minimum-time slew."""
 
 from dataclasses import dataclass
 from importlib import import_module
@@ -14,25 +14,25 @@ from boomctl.slew.end_map import end_map
 from boomctl.slew.result import SlewResult
 from boomctl.threads import one_blas_thread
 
-_CURVE = 1500  # steps at least of a switching curve: it is drawn
+_CURVE = 1500  # steps of a switching function at least: resolution of its plot
 
 
 @dataclass(frozen=True, eq=False)
 class SwitchingFunction(TimeSeries):
-    """Time that a unit of torque saves, over the largest it saves: Pontryagin's principle asks for the torque's sign.
+    """Switching function of a slew: time saved per unit of torque, over its maximum. Its sign is the torque's.
 
     Attributes
     ----------
     time : ndarray, k
-        Instants [s].
+        Time points [s].
     values : ndarray, k
         The switching function, between -1 and 1.
     torque : ndarray, k
         The torque [N m].
     switching_times : ndarray
-        Instants at which the torque changes its sign [s].
+        Times at which the torque changes its sign [s].
     torque_limit : float
-        Largest torque either way [N m].
+        Largest absolute torque [N m].
     """
 
     time: Array
@@ -56,7 +56,7 @@ class SwitchingFunction(TimeSeries):
 
     @property
     def sign_agreement(self) -> float:
-        """Share of the duration on which the torque has the sign of the switching function."""
+        """Fraction of the duration on which the torque has the sign of the switching function."""
         return float(np.mean(self.values * self.torque > 0.0))
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
@@ -65,14 +65,14 @@ class SwitchingFunction(TimeSeries):
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: switching function and torque; by default a new figure of pyplot.
+            Axes to draw on: switching function and torque. If None, a new figure is created.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the line labels.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            The axes, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.slew").plot_switching(self, ax, **style)
 
@@ -81,30 +81,30 @@ class SwitchingFunction(TimeSeries):
 def switching_function(result: SlewResult) -> SwitchingFunction:
     """Return the switching function of a minimum-time slew.
 
-    Pontryagin's principle: the torque has the sign of this function.  It is found by carrying the costate back along the
-    motion.
+    By Pontryagin's principle, the torque has the sign of this function.  It follows from the costate, propagated backward
+    along the motion.
 
     Parameters
     ----------
     result : SlewResult
-        With a bang-bang torque.
+        Slew with a bang-bang torque.
 
     Returns
     -------
     SwitchingFunction
-        The function over time, beside the torque; ``.plot()`` draws both.
+        Switching function and torque over time; ``.plot()`` draws both.
 
     Raises
     ------
     ValueError
-        The torque is not bang-bang.
+        If the torque is not bang-bang.
 
     Examples
     --------
     >>> import boomctl as bc
     >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
     >>> curve = bc.slew.switching_function(fast)
-    >>> curve.switching_times.round(2), round(curve.sign_agreement, 2)  # s; share of the time with the right sign
+    >>> curve.switching_times.round(2), round(curve.sign_agreement, 2)  # s; fraction of the time with the right sign
     (array([0.82, 1.26, 1.69]), 1.0)
     """
     instance("result", result, SlewResult)

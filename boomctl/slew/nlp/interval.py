@@ -1,4 +1,4 @@
-"""What a programme knows of one interval of its mesh: scaled unknowns, their sizes, and rates of the states."""
+"""One interval of the mesh of a nonlinear program: scaled unknowns, their units, and rates of the states."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from boomctl.slew.plant import SlewPlant
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """Typical sizes, by which unknowns and conditions are divided: of all states, torque [N m], time [s], tip [m]."""
+    """Scales of unknowns and conditions: typical values of all states, torque [N m], time [s] and tip [m]."""
 
     states: Array
     torque: float
@@ -21,7 +21,7 @@ class Units:
 
 @dataclass(frozen=True, eq=False)
 class Interval:
-    """Of one interval, scaled: states, torque and rates, next states and torque, its width [s], bound of the tip.
+    """Variables of one interval: scaled states, torque and rates, next states and torque, width [s], bound of the tip.
 
     ``rates(plant, z, u)`` are the rates of the states of a plant at its states z and a torque u, in SI units.
     """

@@ -1,4 +1,4 @@
-"""A slew by a nonlinear programme: mesh, points and limits are refined until a replay keeps what was asked."""
+"""Slews by nonlinear programming: mesh, points and limits are refined until a replay satisfies the problem."""
 
 from dataclasses import replace
 
@@ -8,64 +8,64 @@ from boomctl.exceptions import LimitsTooTightError, SlewError
 from boomctl.lti.rounding import ALIKE
 from boomctl.progress import OutOfTimeError
 from boomctl.slew.linear import Guess, guess_from
-from boomctl.slew.nlp.programme import Solution, prepare, solve
+from boomctl.slew.nlp.program import Solution, prepare, solve
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem
 from boomctl.slew.replay import Candidate, played, prescribed_error, violation
 from boomctl.slew.torque import TorqueProfile
 
-_TOO_MUCH = 0.05  # by which a coarse mesh may exceed a limit and a finer still keep it; a choice
-_SEARCH = 0.6  # share of the time in which meshes are refined; the rest is for a verified answer on a coarser one
-_HIGHEST = 9  # collocation points, order 17 and more: beyond, a step is not what the replay finds in error; a choice
-_POINTS = 3  # collocation points at first, order 6: errors of the end below the tolerance on most meshes (a choice)
+_TOO_MUCH = 0.05  # violation of limits on a mesh above which finer meshes are assumed infeasible too
+_SEARCH = 0.6  # fraction of the time limit for mesh refinement; the rest is for a verified result on a coarser mesh
+_HIGHEST = 9  # collocation points at most, of order 18: beyond, the replay error is not due to the steps
+_POINTS = 3  # initial collocation points, of order 6: terminal error below the tolerance on most meshes
 
 
 def refined(problem: SlewProblem, first: TorqueProfile) -> Candidate:
-    """Solve on the mesh asked for, or on finer ones until halving the intervals changes the cost by little.
+    """Solve on the specified mesh, or on finer ones until halving the intervals changes the cost by less than `MESH_GAP`.
 
-    A mesh too coarse for any slew is passed over. Limits that a mesh exceeds by much, or by no less than a mesh half as fine
-    did, are too tight on any mesh.
+    A mesh without a solution is skipped. Limits are too tight on any mesh if a mesh exceeds them by much, or not by less
+    than a mesh half as fine.
 
     Parameters
     ----------
     problem : SlewProblem
     first : TorqueProfile
-        Where to start.
+        Initial guess.
 
     Raises
     ------
     SlewError
-        If no mesh has a solution that a replay confirms; if the time is over before, the message says what was reached.
+        If no mesh has a solution that a replay confirms.
     """
     if problem.intervals is not None:
         return _compared(problem, _verified(problem, _rough(problem, first, problem.intervals)))
     solutions: list[Candidate] = []
     try:
-        found = _on_finer_meshes(problem, first, solutions)
+        candidate = _on_finer_meshes(problem, first, solutions)
     except OutOfTimeError as over:
         if not solutions:
             raise
-        # a coarser mesh, on which points can be added in the time that is left
-        found = _verified(problem, solutions[max(0, len(solutions) - 2)])
-        return replace(found, stages=(*solutions[-1].stages, f"out of time: {over}"))
-    return _verified(problem, found)
+        # a coarser mesh, on which points can be added in the remaining time
+        candidate = _verified(problem, solutions[max(0, len(solutions) - 2)])
+        return replace(candidate, stages=(*solutions[-1].stages, f"out of time: {over}"))
+    return _verified(problem, candidate)
 
 
 def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list[Candidate]) -> Candidate:
-    """Solve on finer and finer meshes; all solutions are entered in a list.
+    """Solve on successively finer meshes; append all solutions to a list.
 
-    A mesh takes twice as long as one half as fine, and is not begun where that is more than what is left.
+    A mesh takes twice as long as one half as fine; it is not started if that exceeds the remaining time.
     """
-    failure, before, took, stages = SlewError("no mesh was tried"), np.inf, 0.0, ()
+    failure, before, took, stages = SlewError("no mesh was solved"), np.inf, 0.0, ()
     limit = problem.deadline.limit
     for intervals in MESHES:
-        begun, stages = problem.deadline.elapsed, (*stages, f"collocation on {intervals} intervals")
-        if solutions:  # there is something to fall back on
+        start_time, stages = problem.deadline.elapsed, (*stages, f"collocation on {intervals} intervals")
+        if solutions:  # reserve time for verification
             problem = replace(problem, deadline=replace(problem.deadline, limit=_SEARCH * limit))
-        if 2.0 * took > problem.deadline.limit - begun:
+        if 2.0 * took > problem.deadline.limit - start_time:
             raise OutOfTimeError(stages[-1])
         try:
-            found = _rough(problem, first, intervals)
+            candidate = _rough(problem, first, intervals)
         except LimitsTooTightError as error:
             if error.excess > min(_TOO_MUCH, 0.5 * before):
                 raise
@@ -75,10 +75,10 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
             failure = error
             continue
         finally:
-            took = problem.deadline.elapsed - begun
-        gap = _gap(found, solutions[-1]) if solutions else np.inf
-        solutions.append(replace(found, gap=gap, stages=stages))
-        first = found.history
+            took = problem.deadline.elapsed - start_time
+        gap = _gap(candidate, solutions[-1]) if solutions else np.inf
+        solutions.append(replace(candidate, gap=gap, stages=stages))
+        first = candidate.history
         if gap < MESH_GAP:
             break
     if not solutions:
@@ -86,72 +86,72 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
     return solutions[-1]
 
 
-def _gap(found: Candidate, other: Candidate) -> float:
-    """Relative change of the cost of a programme."""
-    assert found.solution is not None
+def _gap(candidate: Candidate, other: Candidate) -> float:
+    """Return the relative change of the cost of a nonlinear program."""
+    assert candidate.solution is not None
     assert other.solution is not None
-    return abs(found.solution.cost - other.solution.cost) / max(abs(found.solution.cost), 1e-300)
+    return abs(candidate.solution.cost - other.solution.cost) / max(abs(candidate.solution.cost), 1e-300)
 
 
-def _compared(problem: SlewProblem, found: Candidate) -> Candidate:
-    """Tell how far the cost is from that of a mesh half as fine, or twice as fine where that one allows no slew."""
-    intervals = found.history.start_values.size
-    assert found.programme is not None
-    points = found.programme.points
-    # on fewer than two intervals an end condition nothing would be left to choose
+def _compared(problem: SlewProblem, candidate: Candidate) -> Candidate:
+    """Set the gap to the change of the cost on a mesh half as fine, or twice as fine if that has no solution."""
+    intervals = candidate.history.start_values.size
+    assert candidate.program is not None
+    points = candidate.program.points
+    # with fewer than two intervals per end condition no unknowns would remain free
     halved = [(intervals // 2, min(points + 1, _HIGHEST))] if intervals >= 4 * problem.ends.shape[0] else []
     for count, degree in (*halved, (2 * intervals, points)):
         try:
-            return replace(found, gap=_gap(found, _rough(problem, found.history, count, degree)))
+            return replace(candidate, gap=_gap(candidate, _rough(problem, candidate.history, count, degree)))
         except OutOfTimeError as over:
-            return replace(found, stages=(*found.stages, f"out of time: {over}"))
+            return replace(candidate, stages=(*candidate.stages, f"out of time: {over}"))
         except SlewError:
             continue
-    return found
+    return candidate
 
 
 def _rough(problem: SlewProblem, first: TorqueProfile, intervals: int, points: int = _POINTS) -> Candidate:
-    """Solve on a mesh from a first torque; what is not replayed tells its cost, and where to start on the next mesh."""
+    """Solve on a mesh from an initial torque, without a replay: for its cost, and as the start on the next mesh."""
     guess = guess_from(problem, first, intervals, problem.ramps)
-    found = solved(problem, prepare(problem, intervals, points, guess), guess, problem.limits)
-    return replace(found, stages=(f"collocation on {intervals} intervals",))
+    candidate = solved(problem, prepare(problem, intervals, points, guess), guess, problem.limits)
+    return replace(candidate, stages=(f"collocation on {intervals} intervals",))
 
 
 def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
-    """Add points, and tighten the limits, until a replay meets the end and keeps the limits between the nodes too."""
-    found, intervals = rough, rough.history.start_values.size
-    assert found.programme is not None
-    for points in range(found.programme.points, _HIGHEST + 1):
-        if points > found.programme.points:
-            found = _rough(problem, found.history, intervals, points)
-        found = within_limits(problem, found)
-        assert found.motions is not None
-        if prescribed_error(problem, found.motions) <= problem.rtol:
-            return replace(found, gap=rough.gap, stages=rough.stages)
+    """Add points and tighten the limits until a replay satisfies the end and the limits between the nodes too."""
+    candidate, intervals = rough, rough.history.start_values.size
+    assert candidate.program is not None
+    for points in range(candidate.program.points, _HIGHEST + 1):
+        if points > candidate.program.points:
+            candidate = _rough(problem, candidate.history, intervals, points)
+        candidate = within_limits(problem, candidate)
+        assert candidate.motions is not None
+        if prescribed_error(problem, candidate.motions) <= problem.rtol:
+            return replace(candidate, gap=rough.gap, stages=rough.stages)
     raise SlewError(
-        f"intervals = {intervals}: the replay misses the end by more than {problem.rtol:.1e}; more of them, or a larger rtol,"
-        " may help"
+        f"intervals = {intervals}: the replay error at the end is above {problem.rtol:.1e}; use more intervals, or a"
+        " larger rtol"
     )
 
 
-def solved(problem: SlewProblem, programme: Transcription, start: Guess | Solution, limits: Limits) -> Candidate:
-    """Solve a programme."""
-    solution = solve(programme, problem, start, limits)
-    return Candidate(solution.history, "collocation", np.inf, "stationary", programme, solution)
+def solved(problem: SlewProblem, program: Transcription, start: Guess | Solution, limits: Limits) -> Candidate:
+    """Solve a nonlinear program."""
+    solution = solve(program, problem, start, limits)
+    return Candidate(solution.history, "collocation", np.inf, "stationary", program, solution)
 
 
-def within_limits(problem: SlewProblem, found: Candidate) -> Candidate:
-    """Replay the solution of a programme, with limits tightened until the replay keeps them, if it meets the end."""
+def within_limits(problem: SlewProblem, candidate: Candidate) -> Candidate:
+    """Replay a solution; while it meets the end but exceeds limits, tighten these and solve again."""
     limits, worst = problem.limits, np.inf
     for _ in range(ROUNDS):
-        motions = played(problem, found.history)
-        excess = violation(problem, found.history, motions)
-        worst = max((excess[kind] for kind in limits.beside_torque), default=0.0)
-        # relative, over a limit, in a replay: rounding of the integrator
+        motions = played(problem, candidate.history)
+        excess = violation(problem, candidate.history, motions)
+        worst = max((excess[kind] for kind in limits.without_torque), default=0.0)
+        # relative excess at the rounding error of the integrator
         if worst <= ALIKE or prescribed_error(problem, motions) > problem.rtol:
-            return replace(found, motions=motions)
+            return replace(candidate, motions=motions)
         limits = limits.tightened(excess)
-        assert found.programme is not None
-        assert found.solution is not None
-        found = solved(problem, found.programme, found.solution, limits)
+        assert candidate.program is not None
+        assert candidate.solution is not None
+        candidate = solved(problem, candidate.program, candidate.solution, limits)
     raise SlewError(f"intervals: on this mesh a limit is exceeded by {worst:.1e}; more intervals may help")

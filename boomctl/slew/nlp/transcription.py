@@ -1,10 +1,10 @@
-"""A slew as a nonlinear programme: one stage function, mapped over equal intervals, with its exact derivatives.
+"""A slew as a nonlinear program: one stage function, mapped over equal intervals, with its exact derivatives.
 
-Each interval is integrated by Gauss-Legendre collocation; d points are of order 2 d. The torque is a straight line on it.
+Each interval is integrated by Gauss-Legendre collocation; d points have order 2 d. The torque is linear on it.
 Unknowns, stage after stage: states z_k of all plants, torque u_k, rates at the collocation points; then the last states
 (and torque), the duration and the bound of the tip. All are scaled to about one. Jacobian and Hessian of the Lagrangian
 are assembled from those of one stage, and these, by the chain rule, from those of the equations of motion, which all
-meshes and orders of all plants of a kind share: another mesh costs next to nothing to build.
+meshes and orders of all plants of a kind share: other meshes are inexpensive to build.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ from boomctl.slew.problem import SlewProblem
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where what stands among the unknowns.
+    """Indices of the unknowns.
 
     Attributes
     ----------
@@ -55,25 +55,25 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """A nonlinear programme ready to be solved with any data.
+    """A nonlinear program that can be solved for any data.
 
     Attributes
     ----------
     problem : SlewProblem
-        The one that it was built for; other data may be solved for.
+        The problem it was built for; it can be solved for other data.
     intervals, points : int
-        How many, and collocation points on each.
+        Number of intervals, and of collocation points on each.
     units : Units
     layout : Layout
     nlp : casadi.Function
-        ``(x, p) -> f, g``. Parameters: duration over its unit, then the limits beside the torque's. Conditions: of each
-        stage the defects, which are zero, and the inequalities, which are at most zero; then the end.
+        ``(x, p) -> f, g``. Parameters: scaled duration, then the limits other than the torque's. Conditions: for each
+        stage the defects (= 0) and the inequalities (<= 0); then the end.
     derivatives : dict of str to casadi.Function
-        As options of CasADi's solvers.
+        Derivatives as options of CasADi's solvers.
     defects : int
-        Of a stage.
+        Number of defects of a stage.
     names : tuple of str
-        What the inequalities of a stage are.
+        Names of the inequalities of a stage.
     ends : ndarray, m x n
         Rows of the prescribed end, over scaled states.
     """
@@ -90,15 +90,15 @@ class Transcription:
     ends: Array
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle what it was made of: a few kilobytes and 0.1 s, in place of megabytes of CasADi functions."""
+        """Pickle the arguments only, a few kilobytes, in place of megabytes of CasADi functions."""
         return transcribe, (self.problem, self.intervals, self.points, self.units)
 
 
 def transcribe(problem: SlewProblem, intervals: int, points: int, units: Units) -> Transcription:
-    """Build the programme of a problem on a mesh of equal intervals, with so many collocation points on each."""
+    """Build the nonlinear program of a problem on a mesh of equal intervals with collocation points on each."""
     N, layout = intervals, _layout(problem, intervals, points)
     stage, local = _stage(problem, intervals, points, units, layout), layout.local
-    x, p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 1 + len(problem.limits.beside_torque))
+    x, p = ca.MX.sym("x", layout.size), ca.MX.sym("p", 1 + len(problem.limits.without_torque))
     every, data = ca.reshape(x[local.ravel().tolist()], local.shape[1], N), ca.repmat(p, 1, N)
     values, costs = stage.value.map(N)(every, data)
     scaled = problem.ends * units.states
@@ -119,7 +119,7 @@ def transcribe(problem: SlewProblem, intervals: int, points: int, units: Units) 
     hr, hc = (np.array(item, int) for item in stage.hessian_pattern.get_triplet())
     a, b = local[:, hr], local[:, hc]
     hessian = _assembled([np.minimum(a, b)], [np.maximum(a, b)], (layout.size, layout.size), ca.vec(nonzeros))
-    given = ["x", "p", "lam_f", "lam_g"]
+    signature = ["x", "p", "lam_f", "lam_g"]
     return Transcription(
         problem=problem,
         intervals=intervals,
@@ -130,7 +130,9 @@ def transcribe(problem: SlewProblem, intervals: int, points: int, units: Units) 
         derivatives={
             "grad_f": ca.Function("grad_f", [x, p], [total, gradient], ["x", "p"], ["f", "grad_f_x"]),
             "jac_g": ca.Function("jac_g", [x, p], [g, jacobian], ["x", "p"], ["g", "jac_g_x"]),
-            "hess_lag": ca.Function("hess_lag", [x, p, weight, multipliers], [hessian], given, ["triu_hess_gamma_x_x"]),
+            "hess_lag": ca.Function(
+                "hess_lag", [x, p, weight, multipliers], [hessian], signature, ["triu_hess_gamma_x_x"]
+            ),
         },
         defects=rows - len(stage.names),
         names=stage.names,
@@ -174,31 +176,31 @@ class _Stage:
 
 
 class _Point:
-    """A place where a stage needs the rates of a plant: its states and torque, and symbols for rates and derivatives."""
+    """A point at which a stage evaluates the rates of a plant: states and torque, and symbols for rates and derivatives."""
 
-    def __init__(self, plant: SlewPlant, place: ca.SX, number: int) -> None:
-        self.place, (self.kind, self._constants) = place, kind_of(plant)
+    def __init__(self, plant: SlewPlant, arguments: ca.SX, number: int) -> None:
+        self.arguments, (self.kind, self._constants) = arguments, kind_of(plant)
         self.rates, self.weights = (ca.SX.sym(f"{name}{number}", plant.n) for name in ("rates", "weights"))
         self.jacobian = ca.SX.sym(f"jacobian{number}", rate_jacobian_of(self.kind).sparsity_out(1))
         self.hessian = ca.SX.sym(f"hessian{number}", rate_hessian_of(self.kind).sparsity_out(1))
 
-    def evaluated(self, equations: Callable[[Kind], ca.Function], place: ca.MX, *more: ca.MX) -> Any:
-        """Return what functions of the kind are at a place; they are called and not expanded."""
-        return equations(self.kind)(place[:-1], place[-1], ca.DM(self._constants), *more)
+    def evaluated(self, equations: Callable[[Kind], ca.Function], arguments: ca.MX, *more: ca.MX) -> Any:
+        """Evaluate functions of the kind at a point, by calls that are not expanded."""
+        return equations(self.kind)(arguments[:-1], arguments[-1], ca.DM(self._constants), *more)
 
 
 def _stage(problem: SlewProblem, intervals: int, points: int, units: Units, layout: Layout) -> _Stage:
     """Return the stage function, scaled, and its derivatives."""
     n, extra, parts, objective = problem.start.size, layout.rates.shape[1], problem.parts, OBJECTIVES[problem.objective]
-    v, p = ca.SX.sym("v", layout.local.shape[1]), ca.SX.sym("p", 1 + len(problem.limits.beside_torque))
+    v, p = ca.SX.sym("v", layout.local.shape[1]), ca.SX.sym("p", 1 + len(problem.limits.without_torque))
     at = 2 * n + 1 + extra
-    limits = {kind: p[1 + i] for i, kind in enumerate(problem.limits.beside_torque)}
+    limits = {kind: p[1 + i] for i, kind in enumerate(problem.limits.without_torque)}
     time = (v[at + problem.ramps] if problem.duration is None else p[0]) * units.time
-    places: list[_Point] = []
+    evaluations: list[_Point] = []
 
     def rates(plant: SlewPlant, z: ca.SX, u: ca.SX) -> ca.SX:
-        places.append(_Point(plant, ca.vertcat(z, u), len(places)))
-        return places[-1].rates
+        evaluations.append(_Point(plant, ca.vertcat(z, u), len(evaluations)))
+        return evaluations[-1].rates
 
     s = Interval(
         z=v[:n],
@@ -212,19 +214,21 @@ def _stage(problem: SlewProblem, intervals: int, points: int, units: Units, layo
     )
     limited, names = _limited(parts, units, s, limits)
     value = ca.vertcat(_defects(parts, points, units, s), limited)
-    of_defects = len(places)
+    of_defects = len(evaluations)
     cost = objective.cost(parts, units, s, intervals)
-    every = ca.vertcat(*(item.rates for item in places))
-    slopes = ca.vertcat(*(ca.mtimes(item.jacobian, ca.jacobian(item.place, v)) for item in places))
-    jacobian, gradient = (ca.jacobian(item, v) + ca.mtimes(ca.jacobian(item, every), slopes) for item in (value, cost))
+    every = ca.vertcat(*(item.rates for item in evaluations))
+    rate_jacobian = ca.vertcat(*(ca.mtimes(item.jacobian, ca.jacobian(item.arguments, v)) for item in evaluations))
+    jacobian, gradient = (
+        ca.jacobian(item, v) + ca.mtimes(ca.jacobian(item, every), rate_jacobian) for item in (value, cost)
+    )
     weight, multipliers = ca.SX.sym("w"), ca.SX.sym("m", value.shape[0])
     lagrangian = weight * cost + ca.dot(multipliers, value)
-    hessian = ca.triu(_total_hessian(lagrangian, v, every, places, slopes))
+    hessian = ca.triu(_total_hessian(lagrangian, v, every, evaluations, rate_jacobian))
     return _Stage(
-        value=_with_rates("stage", v, p, places, [value, cost]),
-        jacobian=_with_jacobians("jacobian", v, p, places[:of_defects], _nonzeros(jacobian)),
-        gradient=_with_jacobians("gradient", v, p, places[of_defects:], ca.densify(gradient.T)),
-        hessian=_with_hessians(v, p, places, weight, multipliers, lagrangian, _nonzeros(hessian)),
+        value=_with_rates("stage", v, p, evaluations, [value, cost]),
+        jacobian=_with_jacobians("jacobian", v, p, evaluations[:of_defects], _nonzeros(jacobian)),
+        gradient=_with_jacobians("gradient", v, p, evaluations[of_defects:], ca.densify(gradient.T)),
+        hessian=_with_hessians(v, p, evaluations, weight, multipliers, lagrangian, _nonzeros(hessian)),
         jacobian_pattern=jacobian.sparsity(),
         hessian_pattern=hessian.sparsity(),
         names=names,
@@ -235,61 +239,61 @@ def _nonzeros(matrix: ca.SX) -> ca.SX:
     return ca.sparsity_cast(matrix, ca.Sparsity.dense(matrix.nnz(), 1))
 
 
-def _total_hessian(lagrangian: ca.SX, v: ca.SX, rates: ca.SX, points: Sequence[_Point], slopes: ca.SX) -> ca.SX:
+def _total_hessian(lagrangian: ca.SX, v: ca.SX, rates: ca.SX, points: Sequence[_Point], rate_jacobian: ca.SX) -> ca.SX:
     """Return the Hessian by v, through the rates too; slopes are the derivatives of the rates by v."""
-    along = ca.vertcat(ca.SX.eye(v.shape[0]), slopes)
+    along = ca.vertcat(ca.SX.eye(v.shape[0]), rate_jacobian)
     total = ca.mtimes([along.T, ca.hessian(lagrangian, ca.vertcat(v, rates))[0], along])
     bent = ca.SX(0)
     for item in points:
-        moved = ca.jacobian(item.place, v)
+        moved = ca.jacobian(item.arguments, v)
         total += ca.mtimes([moved.T, item.hessian, moved])
-        bent += ca.dot(ca.mtimes(item.jacobian.T, item.weights), item.place)
+        bent += ca.dot(ca.mtimes(item.jacobian.T, item.weights), item.arguments)
     return total + ca.hessian(bent, v)[0]
 
 
 def _with_rates(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], values: list[ca.SX]) -> ca.Function:
-    """Return a function of v and p of expressions in which rates at points stand."""
+    """Return a function of v and p from expressions that contain rates at points."""
     inner = ca.Function(name, [v, p, *(item.rates for item in points)], values)
     x, data = inner.mx_in()[:2]
-    result = [item.evaluated(rates_of, place) for item, place in _places(v, p, points, x, data)]
+    result = [item.evaluated(rates_of, arguments) for item, arguments in _arguments(v, p, points, x, data)]
     return ca.Function(name, [x, data], inner.call([x, data, *result]))
 
 
 def _with_jacobians(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], value: ca.SX) -> ca.Function:
-    """Return a function of v and p of an expression in which rates at points and their Jacobians stand."""
-    inner = ca.Function(name, [v, p, *(each for item in points for each in (item.rates, item.jacobian))], [value])
+    """Return a function of v and p from an expression that contains rates at points and their Jacobians."""
+    inner = ca.Function(name, [v, p, *(symbol for item in points for symbol in (item.rates, item.jacobian))], [value])
     x, data = inner.mx_in()[:2]
-    result = [item.evaluated(rate_jacobian_of, place) for item, place in _places(v, p, points, x, data)]
-    return ca.Function(name, [x, data], [inner(x, data, *(each for pair in result for each in pair))])
+    result = [item.evaluated(rate_jacobian_of, arguments) for item, arguments in _arguments(v, p, points, x, data)]
+    return ca.Function(name, [x, data], [inner(x, data, *(symbol for pair in result for symbol in pair))])
 
 
 def _with_hessians(
     v: ca.SX, p: ca.SX, points: Sequence[_Point], weight: ca.SX, multipliers: ca.SX, lagrangian: ca.SX, value: ca.SX
 ) -> ca.Function:
-    """Return a function of v, p and multipliers of an expression in which derivatives of the rates by v stand."""
+    """Return a function of v, p and multipliers from an expression that contains derivatives of the rates by v."""
     rates = [item.rates for item in points]
     weights = ca.Function(
         "weights", [v, p, weight, multipliers, *rates], [ca.gradient(lagrangian, item) for item in rates]
     )
-    symbols = [each for item in points for each in (item.rates, item.weights, item.jacobian, item.hessian)]
+    symbols = [symbol for item in points for symbol in (item.rates, item.weights, item.jacobian, item.hessian)]
     inner = ca.Function("hessian", [v, p, weight, multipliers, *symbols], [value])
-    given = inner.mx_in()[:4]
-    places, found = _places(v, p, points, *given[:2]), []
-    reached = [item.evaluated(rates_of, place) for item, place in places]
-    for (item, place), f, l in zip(places, reached, weights.call([*given, *reached]), strict=True):
-        found += [f, l, *item.evaluated(rate_hessian_of, place, l)]
-    return ca.Function("hessian", given, [inner(*given, *found)])
+    inputs = inner.mx_in()[:4]
+    evaluations, results = _arguments(v, p, points, *inputs[:2]), []
+    reached = [item.evaluated(rates_of, arguments) for item, arguments in evaluations]
+    for (item, arguments), f, l in zip(evaluations, reached, weights.call([*inputs, *reached]), strict=True):
+        results += [f, l, *item.evaluated(rate_hessian_of, arguments, l)]
+    return ca.Function("hessian", inputs, [inner(*inputs, *results)])
 
 
-def _places(v: ca.SX, p: ca.SX, points: Sequence[_Point], x: ca.MX, data: ca.MX) -> list[tuple[_Point, ca.MX]]:
-    """Return points with their places as functions of v and p."""
+def _arguments(v: ca.SX, p: ca.SX, points: Sequence[_Point], x: ca.MX, data: ca.MX) -> list[tuple[_Point, ca.MX]]:
+    """Return points with their states and torques as functions of v and p."""
     return list(
-        zip(points, ca.Function("places", [v, p], [item.place for item in points]).call([x, data]), strict=True)
+        zip(points, ca.Function("arguments", [v, p], [item.arguments for item in points]).call([x, data]), strict=True)
     )
 
 
 def _defects(parts: Parts, points: int, units: Units, s: Interval) -> ca.SX:
-    """By how much the next states, and the rates at the collocation points, miss the equations of motion."""
+    """Return the defects of the equations of motion: of the rates at the collocation points and of the next states."""
     u, u1, rule = s.u * units.torque, s.u1 * units.torque, gauss_method(points)
     defects, first = [], 0
     for plant, own in parts:
@@ -305,7 +309,7 @@ def _defects(parts: Parts, points: int, units: Units, s: Interval) -> ca.SX:
 
 
 def _limited(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) -> tuple[ca.SX, tuple[str, ...]]:
-    """What is to be <= 0 at the end of the interval, and of the torque's slope; and what it is called."""
+    """Return the inequalities (<= 0) at the end of the interval and of the torque rate, and their names."""
     pairs = []
     for plant, own in parts:
         for kind in (kind for kind in limits if kind in plant.rows):
@@ -322,10 +326,10 @@ def _limited(parts: Parts, units: Units, s: Interval, limits: dict[str, ca.SX]) 
 
 
 def _assembled(rows: list[Array], columns: list[Array], shape: tuple[int, int], entries: ca.MX) -> ca.MX:
-    """A sparse matrix with entries at (rows, columns), those of one place added."""
+    """Return a sparse matrix with entries at (rows, columns); entries with equal indices are added."""
     row = np.concatenate([np.ravel(item) for item in rows]).astype(np.int64)
     column = np.concatenate([np.ravel(item) for item in columns]).astype(np.int64)
-    place, inverse = np.unique(column * shape[0] + row, return_inverse=True)
-    pattern = ca.Sparsity.triplet(*shape, (place % shape[0]).tolist(), (place // shape[0]).tolist())
-    adding = ca.Sparsity.triplet(place.size, row.size, inverse.tolist(), list(range(row.size)))
+    position, inverse = np.unique(column * shape[0] + row, return_inverse=True)
+    pattern = ca.Sparsity.triplet(*shape, (position % shape[0]).tolist(), (position // shape[0]).tolist())
+    adding = ca.Sparsity.triplet(position.size, row.size, inverse.tolist(), list(range(row.size)))
     return ca.MX(pattern, ca.mtimes(ca.DM(adding, np.ones(row.size)), entries))

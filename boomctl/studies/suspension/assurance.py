@@ -1,7 +1,7 @@
 """Robustness of a suspension: margins, proofs for uncertain springs and masses, the exact boom.
 
-A sampled loop is looked at on a mesh of many elements where one in continuous time is on the exact beam.  What happens
-between samples is in the field run, and ``boomctl.analysis.sampled_data_norm`` bounds it.
+A sampled loop is evaluated on a fine mesh, a continuous-time loop on the exact beam.  Intersample behavior is included in the
+field run; ``boomctl.analysis.sampled_data_norm`` bounds it.
 """
 
 import warnings
@@ -34,8 +34,8 @@ from boomctl.synthesis.plants.symmetry import split_controller
 
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
-_HIGH = 0.9  # share of the verified peak above which the exact boom is looked at where the mesh was (a choice)
-_MIXED = 1e-6  # share of a controller between the halves that passes for rounding
+_HIGH = 0.9  # fraction of the peak above which frequencies of the mesh are added for the exact boom
+_MIXED = 1e-6  # coupling between the subsystems, relative to the controller, that counts as rounding error
 _EXACT_ELEMENTS, _EXACT_POLES = 40, 60  # of a mesh, those nearest to zero: around them the exact boom's steps are small
 _FINE = 60  # elements of the finer mesh: frequencies below half the sampling rate as those of the exact beam to 1e-5
 _SIDES = {"jolt": "sym", "yaw": "anti"}
@@ -51,12 +51,12 @@ class Examined(InField):
     family: AffineFamily | None = None
 
     def assured(self) -> tuple[tuple[Finding, ...], SigmaResult | None, tuple[SigmaResult, ...]]:
-        """Return what is found of it, its singular values with the exact beam, and those of others of the uncertainty.
+        """Return the findings, the singular values with the exact beam, and those over the uncertainty.
 
         Raises
         ------
         ValueError
-            The controller mixes the halves of the machine: it cannot be examined half by half.
+            If the controller couples the symmetric and antisymmetric subsystems.
         """
         result, exact = [*self.over_the_box(), self.worst_deposit()], None
         if self.sampled:
@@ -78,7 +78,7 @@ class Examined(InField):
         return replace(self, p=scaled_boom(self.p, spring, mass)).model(FAMILY_ELEMENTS, nozzles)
 
     def over_the_box(self) -> Iterator[Finding]:
-        """Yield what is found of jolt and yaw over springs and masses, or of the whole boom of a family."""
+        """Yield the findings for jolt and yaw over springs and masses, or for the full boom of a family."""
         if self.family is not None:
             yield from _over_the_box(self.family, self.K, ACTUATORS, TIPS, 0.0)
             return
@@ -92,7 +92,7 @@ class Examined(InField):
             K, ends = controllers[half], ([f"actuator_{side}"], [f"tip_{side}"])
             result = [*_over_the_box(family, K, *ends, late)]
             if self.K is not None:
-                with warnings.catch_warnings():  # margins are reported: what they were without sampling is not
+                with warnings.catch_warnings():  # warnings on margins without sampling do not apply
                     warnings.simplefilter("ignore", MarginLossWarning)
                     result.insert(0, margins_finding(margins(plant, K, delay=late)))
             for item in result:
@@ -166,7 +166,7 @@ class Examined(InField):
         return sigma(response, inputs=list(ACTUATORS), outputs=list(TIPS))
 
     def corner_sigma(self) -> Iterator[SigmaResult]:
-        """Yield singular values at corners and middles of the edges; the nominal boom itself is left out."""
+        """Yield singular values at corners and middles of the edges; without the nominal boom."""
         below = np.pi / self.K.dt if self.K is not None and self.sampled else np.inf
         for spring, mass in product((*SPRING, 1.0), (*MASS, 1.0)):
             if (spring, mass) != (1.0, 1.0):
@@ -174,7 +174,7 @@ class Examined(InField):
 
 
 def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[str, control.StateSpace]:
-    """Return the controllers of jolt and yaw; without one of the boom, those that do nothing."""
+    """Return the controllers of jolt and yaw; zero controllers if there is none."""
     if K is None:
         ends = [{"inputs": [f"stroke_{side}"], "outputs": [f"suspension_{side}"]} for side in _SIDES.values()]
         return {name: control.ss([], [], [], [[0.0]], **names) for name, names in zip(_SIDES, ends, strict=True)}
@@ -184,9 +184,9 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
     return {"jolt": symmetric, "yaw": antisymmetric}
 
 
-def margins_finding(found: Margins) -> Finding:
+def margins_finding(margins: Margins) -> Finding:
     """Return the margins of the first loop."""
-    loop = found.loops[0]
+    loop = margins.loops[0]
     upwards = f"gain from {loop.gain_margin[0]:.2g} times upwards"
     gains = (
         f"gain from {loop.gain_margin[0]:.2g} to {loop.gain_margin[1]:.3g} times"
@@ -197,7 +197,7 @@ def margins_finding(found: Margins) -> Finding:
     late = f"delay {1e3 * loop.delay_margin:.0f} ms" if loop.delay_margin < inf else "any delay"
     verified = "verified" if loop.disk_margin.verified else "NOT verified"
     text = f"{gains}, {phase}, {late}; disk margin {loop.disk_margin.alpha:.2f} ({verified})"
-    return Finding("margins at the actuator", text, found, loop.disk_margin.verified or None)
+    return Finding("margins at the actuator", text, margins, loop.disk_margin.verified or None)
 
 
 def _over_the_box(

@@ -34,7 +34,7 @@ class SuspensionDesign(Design):
     Attributes
     ----------
     name, title, synthesis_info, notes, results, sections
-        As of every `Design`.
+        See `Design`.
     parameters : BoomParameters
         The machine, passive parts of the suspension included.
     controller : control.StateSpace or None
@@ -47,7 +47,7 @@ class SuspensionDesign(Design):
     weights : mapping from str to control.StateSpace
         Weights of the design, to be drawn over frequency.
     delay : float or None
-        Time between a sample and the moment its forces act [s]; by default that of the scene.
+        Computation delay [s]; by default that of the scene.
 
     Examples
     --------
@@ -77,12 +77,12 @@ class SuspensionDesign(Design):
         Returns
         -------
         SuspensionResult
-            What was found, as text and for a report.
+            Results, as text and as a report.
 
         Raises
         ------
         TypeError, ValueError
-            As for :func:`boomctl.simulate_loop` and of the analyses.
+            See :func:`boomctl.simulate_loop` and the analyses.
         """
         where = FieldScenario() if scene is None else scene
         p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay
@@ -107,7 +107,7 @@ class SuspensionResult(Evaluation):
     scene : FieldScenario
         The field it was driven over.
     passive, active : Performance
-        What the boom of Table 2 does, and what the design does.
+        Performance of the boom of Table 2, and of the design.
     findings : tuple of Finding
         Of jolt and yaw, or of the whole boom where it is a plant of its own: margins, stability and the largest peak from
         platform to tips over springs of 70 to 130 % and a beam mass of 80 to 120 %; stability of the yaw at its measured
@@ -133,7 +133,7 @@ class SuspensionResult(Evaluation):
 
     @property
     def yaw_reduction_db(self) -> float:
-        """By how much the verified peak of the yaw comes down [dB]."""
+        """Reduction of the verified peak of the yaw [dB]."""
         return 20.0 * log10(self.passive.yaw.lower_bound / self.active.yaw.lower_bound)
 
     @property
@@ -153,7 +153,7 @@ class SuspensionResult(Evaluation):
         return all(item.proved is not False for item in self.findings)
 
     def of(self, kind: type) -> dict[str, Any]:
-        """Return what was found of each half, or of the whole boom where it was not halved.
+        """Return the results of jolt and yaw, or of the full boom if it is not decoupled.
 
         Parameters
         ----------
@@ -170,7 +170,7 @@ class SuspensionResult(Evaluation):
 
     @property
     def worst(self) -> Mapping[str, WorstCase]:
-        """The worst peaks of jolt and yaw, or of both together, over the box, found and bounded; none where they are not."""
+        """Worst-case peaks of jolt and yaw, or of the full boom, over the box; empty if not computed."""
         return self.of(WorstCase)
 
     @property

@@ -35,7 +35,7 @@ class Performance:
     Attributes
     ----------
     title : str
-        What the suspension is called.
+        Name of the suspension.
     sigma : SigmaResult
         Singular values from platform actuators to tips; the peak is verified.  With a discrete controller those at the
         samples, of a platform that is held from one to the next.
@@ -46,7 +46,7 @@ class Performance:
     spray, spray_by_jolt, spray_by_yaw : SprayResult
         Spray of the whole motion, of its symmetric and of its antisymmetric part.
     warmup_time : float
-        How long the run goes before what it leaves on the field counts [s].
+        Time of the run before the evaluation of the deposit starts [s].
     """
 
     title: str
@@ -64,26 +64,26 @@ class Performance:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The results for tables: verified peaks, spray, and from the largest stroke on the run."""
-        spray, shares = self.spray, self.run.saturation_fraction
-        force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if shares else ("-", "-")
+        spray, controlled = self.spray, self.run.saturation_fraction
+        force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if controlled else ("-", "-")
         return (
             _peak("verified peak, platform to tips", self.sigma.certificate, "peak"),
             _peak("verified peak of the yaw", self.yaw, "yaw_peak"),
             _peak("verified peak of the jolt", self.jolt, "jolt_peak"),
-            _share("deposit CV [%]", spray.cv, "deposit_cv"),
-            _share("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
-            _share("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
+            _percent("deposit CV [%]", spray.cv, "deposit_cv"),
+            _percent("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
+            _percent("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
             Finding("doses", f"{spray.min_dose:.2f} to {spray.max_dose:.2f}"),
-            _share("RMS tip speed over driving speed [%]", spray.relative_tip_speed),
-            _share("deposit CV by jolt alone [%]", self.spray_by_jolt.cv, "deposit_cv_jolt"),
-            _share("deposit CV by yaw alone [%]", self.spray_by_yaw.cv, "deposit_cv_yaw"),
+            _percent("RMS tip speed over driving speed [%]", spray.relative_tip_speed),
+            _percent("deposit CV by jolt alone [%]", self.spray_by_jolt.cv, "deposit_cv_jolt"),
+            _percent("deposit CV by yaw alone [%]", self.spray_by_yaw.cv, "deposit_cv_yaw"),
             Finding("largest stroke [mm]", f"{1e3 * self.stroke:.1f}", self.stroke, key="stroke"),
             Finding(
                 "end stops hit", str(len(self.run.stop_contacts)), len(self.run.stop_contacts), key="end_stops_hit"
             ),
             Finding("largest force [N]", force, self.force, key="force"),
             Finding("largest force rate [N/s]", rate, self.force_rate, key="force_rate"),
-            _share("time at the force limit [%]", max(shares.values(), default=0.0)),
+            _percent("time at the force limit [%]", max(controlled.values(), default=0.0)),
         )
 
     def to_dict(self) -> dict[str, Any]:
@@ -121,16 +121,16 @@ class Performance:
         From one time of the run to the next where these are longer.
         """
         time, forces = self.run.time, self.run.controls.values()
-        step, judged = max(self.run.sample_time, time[1] - time[0]), time >= time[0] + self.warmup_time
-        return max((float(np.abs(np.diff(force[judged])).max()) / step for force in forces), default=0.0)
+        step, evaluated = max(self.run.sample_time, time[1] - time[0]), time >= time[0] + self.warmup_time
+        return max((float(np.abs(np.diff(force[evaluated])).max()) / step for force in forces), default=0.0)
 
 
-def _peak(name: str, found: NormBounds, key: str) -> Finding:
-    text = number(found.lower_bound, PEAK_DIGITS) + ("" if found.verified else ", NOT verified")
-    return Finding(name, text, found.lower_bound, found.verified, key)
+def _peak(name: str, bounds: NormBounds, key: str) -> Finding:
+    text = number(bounds.lower_bound, PEAK_DIGITS) + ("" if bounds.verified else ", NOT verified")
+    return Finding(name, text, bounds.lower_bound, bounds.verified, key)
 
 
-def _share(name: str, value: float, key: str = "") -> Finding:
+def _percent(name: str, value: float, key: str = "") -> Finding:
     return Finding(name, f"{100 * value:.2f}", value, key=key)
 
 
@@ -144,12 +144,12 @@ def evaluate_suspension(
     *,
     delay: float | None = None,
 ) -> Performance:
-    """Return what a suspension does in a scene: singular values, a run over the field, the spray it leaves.
+    """Evaluate a suspension in a scenario: singular values, a run over the field, and the spray deposit.
 
     Parameters
     ----------
     title : str
-        What the suspension is called.
+        Name of the suspension.
     scenario : FieldScenario
         The field, the sensors and the limits.
     parameters : BoomParameters
@@ -160,7 +160,7 @@ def evaluate_suspension(
     plant : control.StateSpace, optional
         The machine, where the controller reads more than the boom with its sensors offers; by default that boom.
     delay : float, optional
-        Time between a sample and the moment its forces act [s]; by default that of the scene.
+        Computation delay [s]; by default that of the scenario.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def evaluate_suspension(
     Raises
     ------
     TypeError, ValueError
-        As for :func:`boomctl.simulate_loop`.
+        See :func:`boomctl.simulate_loop`.
 
     Examples
     --------

@@ -19,7 +19,7 @@ SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the pap
 MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _MAY_BE_ZERO = ("warmup_time", "delay", "stroke_resolution", "acceleration_resolution")
-_SPARE = 1.0  # length of track beyond the place where the front wheels end [m] (a choice)
+_SPARE = 1.0  # track length beyond the final position of the front wheels [m]
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class FieldScenario:
     control_limit, end_stop : float
         Largest force of each actuator of the suspension [N], and its end stops [m].
     stroke_resolution, acceleration_resolution : float
-        What the sensors resolve [m], [m/s^2].
+        Resolution of the sensors [m], [m/s^2].
     accelerometer_bandwidth_hz : float
         Bandwidth of the accelerometers [Hz].
     elements : int
@@ -90,7 +90,7 @@ class FieldScenario:
                 (nonnegative if item.name in _MAY_BE_ZERO else positive)(item.name, value)
 
     def motion(self) -> PlatformMotion:
-        """Return what the track does to the platform, run-in included; a longer run begins with the shorter one.
+        """Return the motion of the platform on the track, including run-in; a longer run begins with the shorter one.
 
         Returns
         -------
@@ -140,7 +140,7 @@ def suspension_model(
         [m/s^2] and the nozzles.
     """
     p = BoomParameters() if parameters is None else parameters
-    places = nozzle_positions(p) if nozzles else None
-    model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=places)
+    positions = nozzle_positions(p) if nozzles else None
+    model = spray_boom(p, elements=elements, accelerometer_bandwidth_hz=accelerometer_hz, nozzles=positions)
     outputs = [name for name in model.output_labels if name != "cradle_slip"]
     return model.select(["actuator_left", "actuator_right", *CONTROLS], outputs)

@@ -91,19 +91,19 @@ def _encoded(value: Any) -> Any:
     return value if type(value) in _PLAIN else [base64.b64encode(pickle.dumps(value)).decode("ascii")]
 
 
-def _decoded(found: Mapping[str, Any]) -> dict[str, Any]:
+def _decoded(cells: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        name: pickle.loads(base64.b64decode(*cell)) if isinstance(cell, list) else cell for name, cell in found.items()
+        name: pickle.loads(base64.b64decode(*cell)) if isinstance(cell, list) else cell for name, cell in cells.items()
     }
 
 
 def content_hash(what: str, value: Any) -> str:
-    """Return a hash of what a value holds and does; records are hashed by their fields.
+    """Return a hash of the content and behavior of a value; records are hashed by their fields.
 
     Raises
     ------
     TypeError
-        A part of it cannot be hashed; ``what`` names the value in the message.
+        If a part of it cannot be hashed; ``what`` names the value in the message.
     """
     try:
         return str(_ContentHasher("sha256").hash(value))
@@ -165,7 +165,7 @@ def _module(name: str) -> tuple[Any, ...]:
 
 
 def _definition(of: FunctionType | type) -> tuple[Any, ...]:
-    """Return what defines a function or class: code, bound data and what it reads, or bases and members."""
+    """Return the definition of a function or class: code, bound data and globals, or bases and members."""
     if isinstance(of, type):
         members = {}
         for name, member in vars(of).items():
@@ -175,7 +175,7 @@ def _definition(of: FunctionType | type) -> tuple[Any, ...]:
                 members[name] = member
         return of.__bases__, members
     codes, cells = [of.__code__], {}
-    for code in codes:  # with those of the functions within
+    for code in codes:  # including nested functions
         codes += [constant for constant in code.co_consts if isinstance(constant, CodeType)]
     for name, cell in zip(of.__code__.co_freevars, of.__closure__ or (), strict=True):
         with suppress(ValueError):  # empty
@@ -191,7 +191,7 @@ def _compiled(code: CodeType) -> tuple[Any, ...]:
 
 
 def _reads(codes: list[CodeType], namespace: dict[str, Any]) -> dict[str, Any]:
-    """Return the globals that code reads, and what it imports; of modules of the user also the attributes."""
+    """Return the globals and imports of code; for modules of the user also the attributes."""
     steps = [(step.opname, step.argval) for code in codes for step in dis.get_instructions(code)]
     result = {name: namespace[name] for how, name in steps if how in _LOADS and name in namespace}
     attributes = {name for how, name in steps if how in _ATTRIBUTES}

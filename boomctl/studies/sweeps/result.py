@@ -60,7 +60,7 @@ class SweepResult:
     points : tuple of dict
         The parameters of each point, in order; of a grid the last parameter varies fastest.
     values : tuple of dict or None
-        What the function returned at each point, by name; what is no mapping is called ``value``.  None where it failed.
+        Results of the function at each point, by name; ``value`` if it returns no mapping.  None if it failed.
     failures : tuple of FailedPoint
         The points at which it failed.
     elapsed : (n,) ndarray
@@ -83,7 +83,7 @@ class SweepResult:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of what the function returned."""
+        """Names of the results of the function."""
         return tuple(dict.fromkeys(name for result in self.values if result is not None for name in result))
 
     @property
@@ -138,14 +138,14 @@ class SweepResult:
     ) -> Axes:
         """Draw a number over a swept parameter: all points, and a line through them.
 
-        Where there are several points at a value, the line is their median, and the picture says over which parameters.
+        Where there are several points at a value, the line is their median, and the title names the other parameters.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes to draw on. If None, a new figure is created.
         column : str, optional
-            Which result; by default the first that is a number.
+            Name of the result; by default the first that is a number.
         against : str, optional
             Over which parameter; by default the first that is swept and a number.  Each value of another one has a color
             and a line of its own: the first that holds names, otherwise the next number but a ``seed``.
@@ -155,7 +155,7 @@ class SweepResult:
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            The axes.
 
         Raises
         ------

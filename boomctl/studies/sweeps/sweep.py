@@ -176,7 +176,7 @@ def _labeled(what: str, values: Any) -> list[tuple[Label, Any]]:
 
 
 def _plain(value: Any) -> Any:
-    """Return a scalar of NumPy as a number of Python, anything else as it is."""
+    """Return a scalar of NumPy as a number of Python, other values unchanged."""
     return value.item() if isinstance(value, np.generic) or getattr(value, "ndim", None) == 0 else value
 
 
@@ -189,7 +189,7 @@ def _is_single(values: object) -> bool:
 def _outcomes(
     function: Callable[..., Any], waiting: Mapping[int, dict[str, Any]], n_jobs: int, backend: Any
 ) -> Generator[tuple[int, Outcome], None, None]:
-    """Yield the outcomes of points by place, as they are computed."""
+    """Yield the outcomes of points by index, as they are computed."""
     with nullcontext() if backend is None else joblib.parallel_config(backend):
         parallel = joblib.Parallel(n_jobs, return_as="generator_unordered", batch_size=1)
     here = n_jobs == 1 and backend is None
@@ -207,19 +207,19 @@ def _outcomes(
         ) from error
 
 
-def _outcome(function: Callable[..., Any], place: int, arguments: dict[str, Any], here: bool) -> tuple[int, Outcome]:
+def _outcome(function: Callable[..., Any], index: int, arguments: dict[str, Any], here: bool) -> tuple[int, Outcome]:
     """Return the outcome of a point; a worker computes it with one BLAS thread."""
-    begun = time.perf_counter()
+    start = time.perf_counter()
     try:
         with silent(), nullcontext() if here else one_blas_thread:
             value = function(**arguments)
         named = value if isinstance(value, Mapping) else {"value": value}
         columns = {instance("a name that the function returned", name, str): _plain(x) for name, x in named.items()}
-        return place, Outcome(columns, time.perf_counter() - begun)
+        return index, Outcome(columns, time.perf_counter() - start)
     except (Exception, SystemExit) as error:  # a function that calls sys.exit fails at one point
         text = " ".join(f"{type(error).__name__}: {error}".split()).removesuffix(":")
         trace = "".join(traceback.format_exception(type(error), error, error.__traceback__, limit=-_TRACE_CALLS))
-        return place, Outcome(None, time.perf_counter() - begun, text, trace)
+        return index, Outcome(None, time.perf_counter() - start, text, trace)
 
 
 def _report(failures: tuple[FailedPoint, ...], count: int) -> None:

@@ -1,4 +1,4 @@
-"""Polishing by sequential quadratic programmes over all peaks near the highest, nearly multiple singular values too."""
+"""Polishing by sequential quadratic programming over all peaks near the highest, including clustered singular values."""
 
 from collections.abc import Callable
 from math import inf, isfinite
@@ -10,54 +10,55 @@ from scipy.optimize import nnls
 from boomctl.arrays import Array
 from boomctl.lti.rounding import TINY
 from boomctl.tuning.hessian import peak_hessian
-from boomctl.tuning.point import BESIDE, Height, Piece, Point
+from boomctl.tuning.point import PEAK_RTOL, ActiveFunction, Height, Point
 from boomctl.tuning.problem import GAIN_LIMIT
-from boomctl.tuning.responses import WINDOW, same_place
+from boomctl.tuning.responses import WINDOW, same_frequency
 from boomctl.tuning.solver.descent import Ended
 
-_MOST = 80  # pieces at most, the highest (a choice)
-_BETWEEN = 0.03  # share below the highest within which grid frequencies are pieces too (measured: 0.1 costs more)
-_TRIALS = 14  # of a step: each either gains a piece or shortens the step (a choice)
-_CORRECTIONS = 2  # of a step for what the pieces bend, at most (measured: a sixth fewer loops than with one)
-_FALL = 0.1  # share of the promised gain that makes a step worth taking (a choice)
-_GOOD = 0.6  # share of the promised gain from which on the next step may be longer (a choice)
-_ACTIVE = 1e-6  # multiplier from which on a piece is active (a choice)
-_NEAR = 0.1  # share of its frequency by which a peak may move in a step and be the same (a choice)
+_MOST = 80  # active functions at most, the highest ones
+_BETWEEN = 0.03  # relative window below the highest within which grid frequencies are active functions
+_TRIALS = 14  # trials of a step; each adds an active function or shortens the step
+_CORRECTIONS = 2  # second-order corrections of a step at most
+_FALL = 0.1  # accept a step if the decrease is at least this fraction of the predicted one
+_GOOD = 0.6  # fraction of the predicted decrease above which the next step may be longer
+_ACTIVE = 1e-6  # multiplier above which a function contributes to the curvature
+_NEAR = 0.1  # relative change of a peak's frequency in a step up to which it is the same peak
 _DAMPING, _LEAST, _LARGEST = (
     1.0,
     1e-9,
     1e9,
-)  # weight of a step's length in natural sizes: first, least, largest (choices)
-# times the curvature along a step to loops that are not stable, which the next step's weight is at least: a quarter is left
-_SHORTER = 3.0  # of it (a choice; where a step merely gains too little, one plant ended 0.1 % higher so)
-_FAR = 1e4  # natural sizes from which on an end is too far to matter (a choice)
-# share of its multiplier by which a row gives way: of pieces that are nearly alike each then carries its share, and what they
-# bend is seen of all (measured: with hard rows a half more steps)
+)  # damping of a step in natural sizes: initial, smallest, largest
+# smallest next damping after a step to unstable loops, over the curvature along it: shortens the step to a quarter
+_SHORTER = 3.0
+_FAR = 1e4  # natural sizes beyond which a bound is ignored
+# fraction of its multiplier by which a row may be exceeded: spreads multipliers over nearly equal functions, so that the
+# curvature of all is included, and saves steps
 _GIVE = 1e-7
-_FLAT = 1e-10  # share of the largest natural size below which a number's own is taken to be that
-_LITTLE = 1e-6  # step of differences of an H2 norm's gradient
-_ROUNDS = 60  # of a quadratic program at most: two or three are the rule
-# curvature lent to variables without any in a quadratic program: of larger ones more rounds, of smaller ones fewer digits
+_FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
+_LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
+_ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
+# regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
 _CURVED = 1e-2
-_ENOUGH = 1e-11  # slope that is left, relative to the costs, at which a quadratic program ends
-_NO_ROW = 1e-12  # share of the longest row below which a row bounds nothing, and is not made longer (a choice)
+_ENOUGH = 1e-11  # gradient residual, relative to the costs, at which a quadratic program ends
+_NO_ROW = 1e-12  # fraction of the longest row below which a row is treated as zero and not normalized
 
 
 class Polish:
-    """A search for a point from which no small step over all peaks near the highest goes lower.
+    """Local search for a stationary point of the maximum over all peaks near the highest.
 
     Parameters
     ----------
     point_at : function
-        From free numbers to the loops there.
+        Maps free parameters to the loops.
     x : ndarray
-        Where to begin.
+        Initial parameters.
     weight : float
-        What a unit of an exceeded bound costs.
+        Penalty weight of constraint violations.
     gain : float
-        Ends where a step promises less, or five together gain less.
+        Predicted decrease of a step below which the search ends; it also ends if six steps decrease by less than ten
+        times this.
     hard : float
-        The rows of a program give way a little, unless no more than this gain is promised then.
+        Predicted decrease up to which the rows of a program are hard constraints.
     """
 
     def __init__(
@@ -68,33 +69,33 @@ class Polish:
         self._H = np.zeros((len(x), len(x)))
 
     def run(self, steps: int) -> Ended:
-        """Return where so many steps, or fewer, end."""
+        """Return the result after at most ``steps`` steps."""
         value = self._point.merit(self._weight)[0]
         if not isfinite(value):
             return Ended(self._point.x, value, 0)
         history = [value]
         for k in range(steps):
-            asked: set[tuple[int, int, float]] = set()
-            pieces = _chosen(self._point, asked)
-            self._sizes = _sizes(pieces, self._H)
-            self._H = _curvature(self._point, pieces, self._step(pieces, value, -inf)[2], self._sizes)
-            self._sizes = _sizes(pieces, self._H)
+            requested: set[tuple[int, int, float]] = set()
+            functions = _chosen(self._point, requested)
+            self._sizes = _sizes(functions, self._H)
+            self._H = _curvature(self._point, functions, self._step(functions, value, -inf)[2], self._sizes)
+            self._sizes = _sizes(functions, self._H)
             for trial in range(_TRIALS):
-                d, promised, _ = self._step(pieces, value, self._hard)
-                if promised <= self._gain:
+                d, predicted, _ = self._step(functions, value, self._hard)
+                if predicted <= self._gain:
                     return Ended(self._point.x, value, k, self._damping < 1e3 * _DAMPING)
-                there, result = self._corrected(d, pieces, value, promised)
-                if result <= value - _FALL * promised:
+                there, result = self._corrected(d, functions, value, predicted)
+                if result <= value - _FALL * predicted:
                     if trial == 0:
-                        good = value - result >= _GOOD * promised
+                        good = value - result >= _GOOD * predicted
                         self._damping = max((0.1 if good else 0.4) * self._damping, _LEAST)
                     break
-                more = _unseen(there, pieces) - asked if isfinite(result) else set()
+                more = _new_peaks(there, functions) - requested if isfinite(result) else set()
                 if more:
-                    asked |= more
-                    pieces = _chosen(self._point, asked)
-                bends = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
-                self._damping = min(max((2.0 if more else 6.0) * self._damping, bends), _LARGEST)
+                    requested |= more
+                    functions = _chosen(self._point, requested)
+                shorter = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
+                self._damping = min(max((2.0 if more else 6.0) * self._damping, shorter), _LARGEST)
             else:
                 return Ended(self._point.x, value, k)
             self._point, value = there, result
@@ -103,72 +104,78 @@ class Polish:
                 return Ended(self._point.x, value, k + 1)
         return Ended(self._point.x, value, steps)
 
-    def _tried(self, d: Array) -> tuple[Point, float]:
+    def _trial(self, d: Array) -> tuple[Point, float]:
         """Return the loops after a step, and their merit."""
         there = self._point_at(self._point.problem.clipped(self._point.x + d))
         return there, there.merit(self._weight)[0]
 
-    def _corrected(self, d: Array, pieces: list[Piece], value: float, promised: float) -> tuple[Point, float]:
-        """Return the loops after a step, or lower ones: the program is solved anew for what the pieces have bent to there."""
-        there, result = self._tried(d)
+    def _corrected(
+        self, d: Array, functions: list[ActiveFunction], value: float, predicted: float
+    ) -> tuple[Point, float]:
+        """Return the loops after a step, with second-order corrections while they lower the merit."""
+        there, result = self._trial(d)
         for _ in range(_CORRECTIONS):
-            if not isfinite(result) or result <= value - _GOOD * promised:
+            if not isfinite(result) or result <= value - _GOOD * predicted:
                 break
-            bent = _bent_pieces(pieces, there, there.x - self._point.x)
-            further, lower = self._tried(self._step(bent, value, self._hard)[0])
+            bent = _corrected_functions(functions, there, there.x - self._point.x)
+            further, lower = self._trial(self._step(bent, value, self._hard)[0])
             if lower >= result:
                 break
             there, result = further, lower
         return there, result
 
-    def _step(self, pieces: list[Piece], value: float, wanted: float) -> tuple[Array, float, Array]:
-        """Return the step of a quadratic program, the gain that it promises, and the multipliers of the pieces.
+    def _step(self, functions: list[ActiveFunction], value: float, wanted: float) -> tuple[Array, float, Array]:
+        """Return the step of a quadratic program, its predicted decrease, and the multipliers of the active functions.
 
-        Rows give way a little, unless no more than the gain ``wanted`` is promised then.
+        Rows are soft, unless the predicted decrease is then at most ``wanted``.
         """
         x, problem, root = self._point.x, self._point.problem, np.sqrt(self._sizes)  # steps count in natural sizes
-        values, slopes = np.array([p.value for p in pieces]), np.array([p.gradient for p in pieces]) / root
-        limits, n, count = np.array([p.limit for p in pieces]), len(x), len(pieces)
+        values, gradients = np.array([p.value for p in functions]), np.array([p.gradient for p in functions]) / root
+        limits, n, count = np.array([p.limit for p in functions]), len(x), len(functions)
         top, some = values[~limits].max(), int(limits.any())
         curved = self._H / root / root[:, None]
-        # the step, the highest objective, and where there are limits by how much the worst is exceeded
+        # variables: the step, the highest objective, and with constraints the worst violation
         m = n + 1 + some
         Q, c, unit = np.zeros((m, m)), np.zeros(m), np.eye(m)
         Q[:n, :n] = curved + self._damping * np.eye(n)
         c[n], c[n + 1 :] = 1.0, self._weight
-        rows = np.hstack([slopes, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
+        rows = np.hstack([gradients, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
         up, down = np.maximum((problem.high - x) * root, 0.0), np.maximum((x - problem.low) * root, 0.0)
         above, below = up < _FAR, down < _FAR
         rows = np.vstack([rows, -unit[n + 1 :], unit[:n][above], -unit[:n][below]])
         sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up[above], down[below]])
         for give in (_GIVE, 0.0):
             y, z = least(Q, c, rows, sides, give)
-            there = values + slopes @ y[:n]
+            there = values + gradients @ y[:n]
             over = max(float(there[limits].max(initial=0.0)), 0.0)
-            promised = value - (float(there[~limits].max()) + self._weight * over) - 0.5 * float(y[:n] @ curved @ y[:n])
-            if promised > wanted:
+            predicted = (
+                value - (float(there[~limits].max()) + self._weight * over) - 0.5 * float(y[:n] @ curved @ y[:n])
+            )
+            if predicted > wanted:
                 break
-        return y[:n] / root, promised, z[:count]
+        return y[:n] / root, predicted, z[:count]
 
 
-def _sizes(pieces: list[Piece], H: Array) -> Array:
-    """Return squares of the inverse natural sizes of the free numbers: slopes and curvatures."""
-    squares = np.max([p.gradient**2 for p in pieces], axis=0) + np.abs(np.diag(H))
+def _sizes(functions: list[ActiveFunction], H: Array) -> Array:
+    """Return squared inverse natural sizes of the free parameters, from gradients and curvatures."""
+    squares = np.max([p.gradient**2 for p in functions], axis=0) + np.abs(np.diag(H))
     return np.maximum(squares, _FLAT * max(float(squares.max(initial=0.0)), TINY))
 
 
-def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Array) -> Array:
-    """Return the curvature of the Lagrangian, what is negative turned round: so that steps lead away from saddles."""
+def _curvature(point: Point, functions: list[ActiveFunction], multipliers: Array, sizes: Array) -> Array:
+    """Return the Hessian of the Lagrangian with negative eigenvalues reversed, so that steps leave saddle points."""
     n = len(point.x)
-    H, moved = np.zeros((n, n)), [point.beside(point.x + step) for step in _LITTLE * np.eye(n)]
-    for multiplier, piece in zip(multipliers, pieces, strict=True):
-        if multiplier <= _ACTIVE or piece.channel < GAIN_LIMIT or not piece.top:
+    H, moved = np.zeros((n, n)), [point.with_parameters(point.x + step) for step in _LITTLE * np.eye(n)]
+    for multiplier, function in zip(multipliers, functions, strict=True):
+        if multiplier <= _ACTIVE or function.channel < GAIN_LIMIT or not function.top:
             continue
-        if np.isnan(piece.omega):  # of an H2 norm, by differences of its gradient
-            there = [item.h2(piece.model, piece.channel)[1] if item.stable else piece.gradient for item in moved]
-            H += multiplier * (np.array(there) - piece.gradient) / _LITTLE
+        if np.isnan(function.omega):  # H2 norm: finite differences of its gradient
+            there = [
+                item.h2(function.model, function.channel)[1] if item.stable else function.gradient for item in moved
+            ]
+            H += multiplier * (np.array(there) - function.gradient) / _LITTLE
         else:
-            H += multiplier * peak_hessian(point, piece)
+            H += multiplier * peak_hessian(point, function)
     if not np.isfinite(H).all():
         return np.zeros((n, n))
     root = np.sqrt(sizes)
@@ -176,65 +183,67 @@ def _curvature(point: Point, pieces: list[Piece], multipliers: Array, sizes: Arr
     return (root[:, None] * vectors * np.abs(values)) @ (vectors.T * root)
 
 
-def _chosen(point: Point, asked: "set[tuple[int, int, float]]") -> list[Piece]:
-    pieces = sorted(point.pieces(WINDOW, asked, between=_BETWEEN), key=lambda p: p.value, reverse=True)
-    return [p for p in pieces if not p.limit][:_MOST] + [p for p in pieces if p.limit][:_MOST]
+def _chosen(point: Point, requested: "set[tuple[int, int, float]]") -> list[ActiveFunction]:
+    functions = sorted(point.active_functions(WINDOW, requested, between=_BETWEEN), key=lambda p: p.value, reverse=True)
+    return [p for p in functions if not p.limit][:_MOST] + [p for p in functions if p.limit][:_MOST]
 
 
-def _bent_pieces(pieces: list[Piece], trial: Point, d: Array) -> list[Piece]:
-    """Return pieces with the values that, with their slopes, are right at a point tried: what they bend is then seen."""
+def _corrected_functions(functions: list[ActiveFunction], trial: Point, d: Array) -> list[ActiveFunction]:
+    """Return active functions with values shifted such that their linearizations are exact at a trial point."""
     return [
-        piece if near is None or not piece.top else piece._replace(value=near.value - float(piece.gradient @ d))
-        for piece, near in zip(pieces, _nearest(pieces, trial.tops(WINDOW)), strict=True)
+        function
+        if near is None or not function.top
+        else function._replace(value=near.value - float(function.gradient @ d))
+        for function, near in zip(functions, _nearest(functions, trial.tops(WINDOW)), strict=True)
     ]
 
 
-def _nearest(pieces: list[Piece], others: list[Height]) -> list[Height | None]:
-    """Return what each piece has become among others; None where nothing near it is the same."""
-    if not others or not pieces:
-        return [None] * len(pieces)
-    mine, theirs = np.array([item[:3] for item in pieces])[:, None], np.array([item[:3] for item in others])
+def _nearest(functions: list[ActiveFunction], others: list[Height]) -> list[Height | None]:
+    """Match active functions with those of another point; None if one has no counterpart."""
+    if not others or not functions:
+        return [None] * len(functions)
+    mine, theirs = np.array([item[:3] for item in functions])[:, None], np.array([item[:3] for item in others])
     a, b = mine[..., 2], theirs[:, 2]
-    with np.errstate(invalid="ignore"):  # infinity from infinity, and what is no number
-        apart = np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
-    apart[(a == b) | np.isnan(a)] = 0.0
-    apart[(mine[..., :2] != theirs[:, :2]).any(axis=2) | np.isnan(apart)] = inf
-    return [others[k] if row[k] <= _NEAR else None for row, k in zip(apart, apart.argmin(axis=1), strict=True)]
+    with np.errstate(invalid="ignore"):  # infinity minus infinity, and nan
+        distance = np.abs(a - b) / np.maximum(np.maximum(np.abs(a), np.abs(b)), TINY)
+    distance[(a == b) | np.isnan(a)] = 0.0
+    distance[(mine[..., :2] != theirs[:, :2]).any(axis=2) | np.isnan(distance)] = inf
+    return [others[k] if row[k] <= _NEAR else None for row, k in zip(distance, distance.argmin(axis=1), strict=True)]
 
 
-def _unseen(trial: Point, pieces: list[Piece]) -> "set[tuple[int, int, float]]":
-    """Return what stands out at a point tried and was no piece."""
+def _new_peaks(trial: Point, functions: list[ActiveFunction]) -> "set[tuple[int, int, float]]":
+    """Return the highest peaks at a trial point that are not among the active functions."""
     result = set()
     for model, channel, omega, *_ in (trial.top, *([trial.over] if trial.over else [])):
-        there = [p.omega for p in pieces if (p.model, p.channel) == (model, channel)]
+        there = [p.omega for p in functions if (p.model, p.channel) == (model, channel)]
         at_peak = channel >= GAIN_LIMIT and not np.isnan(omega)
-        if at_peak and not any(same_place(omega, item, BESIDE) for item in there):
+        if at_peak and not any(same_frequency(omega, item, PEAK_RTOL) for item in there):
             result.add((model, channel, omega))
     return result
 
 
-def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> float:
-    """Return the length of the least element of the hull of gradients over that of the longest one.
+def stationarity(functions: list[ActiveFunction], point: Point, low: Array, high: Array) -> float:
+    """Return the norm of the smallest element of the convex hull of gradients over the largest gradient norm.
 
-    Free numbers count in natural sizes, what points out of the ends is left away: zero where no small step goes lower, one
-    where all pieces fall.  Of a piece alone, whose gradient is both the least and the longest, it is the length itself, and
-    what it bends counts in the natural sizes: in a smooth minimum that is zero.
+    Parameters are in natural sizes, components out of active bounds are removed.  It is 0 at a stationary point and 1 if all
+    functions decrease.  For a single function it is the norm of its gradient, with natural sizes that include its
+    curvature: 0 at a smooth minimum.
     """
     x = point.x
-    if not pieces or not len(x):
+    if not functions or not len(x):
         return 0.0
     H = np.zeros((len(x), len(x)))
-    if len(pieces) == 1:
-        H = _curvature(point, pieces, np.ones(1), _sizes(pieces, H))
-    slopes = np.array([p.gradient for p in pieces]) / np.sqrt(_sizes(pieces, H))
-    longest = 1.0 if H.any() else float(np.linalg.norm(slopes, axis=1).max())
+    if len(functions) == 1:
+        H = _curvature(point, functions, np.ones(1), _sizes(functions, H))
+    gradients = np.array([p.gradient for p in functions]) / np.sqrt(_sizes(functions, H))
+    longest = 1.0 if H.any() else float(np.linalg.norm(gradients, axis=1).max())
     if longest == 0.0:
         return 0.0
     n = len(x)
     H = np.diag([*np.ones(n), 0.0])
     c = np.append(np.zeros(n), 1.0)
-    aims = np.array([not p.limit for p in pieces])
-    rows = np.column_stack([slopes / longest, np.where(aims, -1.0, 0.0)])
+    aims = np.array([not p.limit for p in functions])
+    rows = np.column_stack([gradients / longest, np.where(aims, -1.0, 0.0)])
     unit = np.eye(n + 1)[:n]
     G = np.vstack([rows, unit[x >= high], -unit[x <= low]])
     y, _ = least(H, c, G, np.zeros(len(G)))
@@ -242,14 +251,14 @@ def stationarity(pieces: list[Piece], point: Point, low: Array, high: Array) -> 
 
 
 def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Array, Array]:
-    """Return ``y`` that makes ``1/2 y^T H y + c^T y`` least under ``G y <= h``, and the multipliers of the rows of ``G``.
+    """Minimize ``1/2 y^T H y + c^T y`` subject to ``G y <= h``; return ``y`` and the multipliers of the rows of ``G``.
 
-    In coordinates in which all directions curve alike it is the point of a polyhedron that is nearest to the one without
-    rows: its multipliers solve a problem of least squares.  What does not curve is lent some curvature around where it was
-    last, in turn until that costs nothing.
+    In coordinates with unit Hessian, this is the projection of the unconstrained minimum on a polyhedron: the multipliers
+    solve a nonnegative least-squares problem.  Variables without curvature are regularized around their last values
+    (proximal iteration) until the step vanishes.
 
-    ``H`` is positive definite but for variables that do not curve at all, which rows bound.  The problem must have a point at
-    which all rows are met.  Rows, made of length one, may be exceeded by ``give`` times their multipliers.
+    ``H`` is positive definite except for variables without any curvature, which rows bound.  The problem must be feasible.
+    Normalized rows may be exceeded by ``give`` times their multipliers.
     """
     n, m = len(c), len(h)
     size = np.sqrt((G * G).sum(axis=1))
@@ -269,7 +278,7 @@ def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Ar
             break
         try:
             result = nnls(rows, end)[0]
-        except RuntimeError:  # it went on too long
+        except RuntimeError:  # iteration limit
             break
         z = result / (end[n] - rows[n] @ result)
         step = lapack.dtrtrs(root, free + rows[:n] @ z, lower=1, trans=1)[0]

@@ -1,4 +1,4 @@
-"""Descent of functions that are not smooth everywhere, by BFGS with a weak Wolfe line search (Lewis & Overton 2013)."""
+"""Minimization of nonsmooth functions by BFGS with a weak Wolfe line search (Lewis & Overton 2013)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -8,18 +8,18 @@ import numpy as np
 
 from boomctl.arrays import Array
 
-_FALL, _TURN = 1e-4, 0.5  # of the weak Wolfe conditions (usual)
-_TRIALS = 30  # of a line search: the step is then known to 1e-9 (a choice)
-_LITTLE = 1e-3  # share of the gain worth having that a step must promise at least (a choice)
-_NARROW, _ROUNDING = 1e-9, 1e-14  # a line search ends where the interval, or what it can gain, is rounding
-_STALLED = 10  # steps whose common gain decides whether to go on (a choice)
+_FALL, _TURN = 1e-4, 0.5  # constants of the weak Wolfe conditions: decrease and curvature
+_TRIALS = 30  # evaluations of a line search: the step is then accurate to 1e-9
+_LITTLE = 1e-3  # smallest predicted decrease of a step, as a fraction of ``gain``
+_NARROW, _ROUNDING = 1e-9, 1e-14  # a line search ends if the interval, or the predicted decrease, is at rounding level
+_STALLED = 10  # steps whose total decrease is compared with ``gain``
 
 Function = Callable[[Array], tuple[float, Callable[[], Array]]]
 
 
 @dataclass(frozen=True)
 class Ended:
-    """Where a descent, or polishing, ended.
+    """Result of a descent, or of polishing.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Ended:
     value : float
     steps : int
     stationary : bool
-        Of polishing: whether it ended because no step promises any gain.
+        True if polishing ended because no step has a predicted decrease.
     """
 
     x: Array
@@ -46,22 +46,22 @@ def descend(
     gain: float,
     enough: Callable[[Array, float], bool] = lambda x, value: False,
 ) -> Ended:
-    """Return a point from which BFGS goes no lower.
+    """Minimize a function by BFGS.
 
     Parameters
     ----------
     function : function
-        From a point to its value and a function that returns its gradient.
+        Maps a point to its value and a function that returns its gradient.
     x : ndarray
-        Where to begin; the value must be finite.
+        Initial point; the value must be finite.
     low, high : ndarray
-        Ends of the numbers; a number at its end that would leave it rests there.
+        Bounds of the variables; a variable at its bound that would violate it is fixed.
     steps : int
-        So many at most.
+        Largest number of steps.
     gain : float
-        Ends where ten steps together gain less.
+        Ends if the total decrease of ten steps is smaller.
     enough : function, optional
-        Of a point and its value: whether that will do.
+        Stopping criterion: maps a point and its value to a bool.
     """
     x = np.minimum(np.maximum(x, low), high)
     value, slope = function(x)
@@ -117,10 +117,10 @@ def _weak_wolfe(
     high: Array,
     fresh: bool,
 ) -> tuple[Array, float, Array] | None:
-    """Return a step that falls enough and after which it falls less steeply; or one that just falls, or none."""
+    """Return a step that satisfies the weak Wolfe conditions; or one with sufficient decrease only, or None."""
     with np.errstate(divide="ignore", invalid="ignore"):
-        room = np.where(d > 0.0, (high - x) / d, np.where(d < 0.0, (low - x) / d, inf))
-    longest = float(np.nanmin(room)) if len(room) else inf
+        distance = np.where(d > 0.0, (high - x) / d, np.where(d < 0.0, (low - x) / d, inf))
+    longest = float(np.nanmin(distance)) if len(distance) else inf
     t = min(1.0 / max(1.0, float(np.linalg.norm(d))) if fresh else 1.0, longest)
     short, far = 0.0, inf
     best: tuple[Array, float, Array] | None = None

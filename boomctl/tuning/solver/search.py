@@ -1,4 +1,4 @@
-"""The search from many starts: stabilize, descend, polish, in turn until nothing changes; the best so far is kept."""
+"""Multistart search: stabilize, descend and polish until convergence; the best result is stored."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -16,42 +16,42 @@ from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.bundle import Polish
 from boomctl.tuning.solver.descent import descend
 
-_STABILIZING = 300  # steps of the descent of the spectral abscissa at most (a choice)
-_DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most (choices: polishing gains more a second)
-_LEVELS = (-2.0, 1.0)  # powers of ten between which gains are drawn, over their natural size (a choice)
-_QUIET = 1e-2  # gains of the quiet start, and of a state more, over their natural size (a choice)
-_BESIDE = "beside order"  # origin of a start beside the optimum of a lower order
-_FINISHED = 2  # starts that are taken to the end, the best after their first turn (a choice)
-_BEGINNING = 0.5  # share of the time in which starts are begun; then the best are finished (a choice)
-_LOWER = 0.5  # share of the time for the order below, whose optimum is a start (a choice)
-_HOPE = 4.0  # turns that each gain as much as the last which would bring a local search down to the best (a choice)
-_ROUNDS = 6  # of both in turn at most (a choice)
-_GAIN = 1e-6  # relative gain of ten steps, or of a round, below which nothing changes (a choice)
-_PROMISE = 1e-11  # relative gain that a step must promise (a choice)
-_WEIGHT = 10.0  # what a unit of an exceeded bound costs at first (a choice); grows until the bounds are kept
-_EDGE, _LAST_EDGE = 1e-2, 1e-8  # how far from the edge of stability the first turns stay, and the last ones (choices)
-_AT_EDGE = 2.0  # times the distance kept from the edge of stability, up to which it is what held a turn up (a choice)
-_NEARER = 0.1  # share of its distance from the edge of stability that a turn may come nearer to it (a choice)
-_MISSED = 1e-7  # relative height above the peaks known from which on one counts as missed: a tenth of what is certified
-_ZERO = 1e-9  # share of the first norm seen below which a norm counts as zero: nothing is left to gain
+_STABILIZING = 300  # steps of the descent of the spectral abscissa at most
+_DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most; polishing is more efficient
+_LEVELS = (-2.0, 1.0)  # decimal exponents between which random gains are drawn, over their natural size
+_QUIET = 1e-2  # gains of the low-gain start, and of an additional state, over their natural size
+_NEARBY = "near order"  # origin of a start near the optimum of a lower order
+_FINISHED = 2  # starts that are completed: the best after their first round
+_BEGINNING = 0.5  # fraction of the time limit for first rounds of all starts
+_LOWER = 0.5  # fraction of the time limit for the next lower order, whose optimum is a start
+_HOPE = 4.0  # rounds with the last decrease within which a local search must be able to reach the best value
+_ROUNDS = 6  # rounds of descent and polish at most
+_GAIN = 1e-6  # relative decrease of ten steps, or of a round, at convergence
+_MIN_DECREASE = 1e-11  # smallest relative predicted decrease of a step
+_WEIGHT = 10.0  # initial penalty weight of constraint violations; it grows until the constraints are satisfied
+_EDGE, _LAST_EDGE = 1e-2, 1e-8  # initial and final relative distance from the edge of stability
+_AT_EDGE = 2.0  # ratio to the required distance from the edge of stability up to which that constraint is active
+_NEARER = 0.1  # factor on the distance from the edge of stability for the next round
+_NEW_PEAK = 1e-7  # relative height above the known peaks that makes a peak a new one: a tenth of the certified accuracy
+_ZERO = 1e-9  # fraction of the first norm below which a norm counts as zero
 
 
 class NothingLeftError(Exception):
-    """The norm is zero as far as numbers tell."""
+    """Raised if the norm is zero to within rounding error."""
 
 
 @dataclass(frozen=True)
 class TuneStart:
-    """What one start came to.
+    """Result of one start.
 
     Attributes
     ----------
     origin : str
-        How it began.
+        Origin of the start.
     objective : float
-        The objective that it reached; ``inf`` where no stabilizing controller, or none within the bounds, was found.
+        Final objective; ``inf`` if no stabilizing controller within the bounds was found.
     nit : int
-        Steps taken.
+        Number of steps.
     """
 
     origin: str
@@ -61,7 +61,7 @@ class TuneStart:
 
 @dataclass
 class LocalSearch:
-    """One start on its way; merits and values are logarithms, ``gain`` is that of the last turn."""
+    """State of a local search; merits and values are logarithms, ``gain`` is the decrease of the last round."""
 
     kind: str
     x: Array
@@ -75,13 +75,13 @@ class LocalSearch:
 
     @property
     def start(self) -> TuneStart:
-        """What it came to."""
+        """Result of the start."""
         return TuneStart(self.kind, exp(self.value) if self.value < inf else inf, self.steps)
 
 
 @dataclass
 class Search:
-    """A search that can be stopped at any moment.
+    """Multistart search that can be interrupted at any time.
 
     Attributes
     ----------
@@ -102,15 +102,15 @@ class Search:
     stages: list[str] = field(default_factory=list)
 
     def point(self, x: Array, edge: float | None = None) -> Point:
-        """Return the loops at free numbers; out of time where it is."""
+        """Return the loops at free parameters; raise `OutOfTimeError` after the time limit."""
         if self.deadline.over:
             raise OutOfTimeError
         return Point(self.problem, x, self.known, edge)
 
     def keep(self, point: Point) -> tuple[Point, bool]:
-        """Remember a point if it is the best so far: within the bounds first, then the lowest.
+        """Store a point if it is the best so far: first by constraint violation, then by objective.
 
-        Return it with all its peaks, and whether these were known; those that a Hamiltonian matrix shows now are.
+        Return it with all its peaks, and True if these were known. New peaks come from the Hamiltonian matrix.
         """
         if not point.stable or not isfinite(point.aim):
             return point, True
@@ -125,53 +125,53 @@ class Search:
         return point, complete
 
     def _checked(self, point: Point) -> tuple[Point, bool]:
-        """Return a point with all its peaks, and whether these were known."""
-        missed = False
+        """Return a point with all its peaks, and True if these were known."""
+        incomplete = False
         for model, channel, omega, value, _ in point.norms:
             if channel < 0 or np.isnan(omega):
                 continue
             loop, rows, columns = point.loop(model), self.problem.rows[channel], self.problem.columns[channel]
             norm = level_norm(Lti(loop.A, loop.B[:, columns], loop.C[rows], loop.D[np.ix_(rows, columns)]))
             here = exp(value + self.problem.offset(channel))
-            if norm.lower_bound > here * (1.0 + _MISSED) and isfinite(norm.peak_omega):
+            if norm.lower_bound > here * (1.0 + _NEW_PEAK) and isfinite(norm.peak_omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.peak_omega)
-                missed = True
-        return (point.beside(point.x), False) if missed else (point, True)
+                incomplete = True
+        return (point.with_parameters(point.x), False) if incomplete else (point, True)
 
     @property
     def design(self) -> Array:
-        """The best free numbers, of a search that found some."""
+        """Best free parameters; the search must have found a controller."""
         assert self.best is not None
         return self.best
 
     @property
     def starts(self) -> list[TuneStart]:
-        """What all starts came to, those of searches before this one first."""
+        """Results of all starts, with those of earlier searches first."""
         return self.earlier + [item.start for item in self.searches]
 
-    def from_starts(self, begun: list[tuple[str, Array]], reached: float) -> None:
-        """Begin from all starts, then finish the best few.
+    def from_starts(self, initial: list[tuple[str, Array]], reached: float) -> None:
+        """Run a first round from all starts, then complete the best few.
 
-        From beside the optimum of the order below, which ``reached`` some value, only where that itself led no further.
+        Starts near the optimum of the next lower order, with value ``reached``, are used only without a better result.
         """
-        order, half = f"order {self.problem.order}", _share(self.deadline, _BEGINNING)
-        for k, (kind, x) in enumerate(begun):
-            if kind.startswith(_BESIDE) and self.value < reached - _GAIN:
+        order, half = f"order {self.problem.order}", _fraction_of(self.deadline, _BEGINNING)
+        for k, (kind, x) in enumerate(initial):
+            if kind.startswith(_NEARBY) and self.value < reached - _GAIN:
                 continue
-            tell(f"{order}, start", k + 1, len(begun))
+            tell(f"{order}, start", k + 1, len(initial))
             self.begin(self.problem.clipped(x), kind)
             if self.best is not None and half.over:
                 self.stages.append(f"time for {k + 1} starts")
                 break
-        for k, local in enumerate(sorted(self.searches, key=lambda each: each.value)[:_FINISHED]):
+        for k, local in enumerate(sorted(self.searches, key=lambda item: item.value)[:_FINISHED]):
             tell(f"{order}, finishing", k + 1, _FINISHED)
             for _ in range(_ROUNDS):
                 if not local.open or (local.value - self.value > _HOPE * local.gain and local.value > self.value):
-                    break  # nothing changes, or there is no hope to come down to the best
+                    break  # converged, or the best value is out of reach
                 self.turn(local)
 
     def begin(self, x: Array, kind: str) -> None:
-        """Stabilize from one start, and take a first turn."""
+        """Stabilize from one start, and run a first round."""
         local = LocalSearch(kind, x)
         self.searches.append(local)
         result, local.steps = self.stabilized(x)
@@ -181,35 +181,37 @@ class Search:
             self.turn(local)
 
     def turn(self, local: "LocalSearch") -> None:
-        """Descend on the highest peak at first, then polish over all near it, away from the edge of stability."""
-        edge, before, problem = min(local.edge, 0.5 * self.point(local.x).apart), local.merit, self.problem
-        kept = edge if edge >= _LAST_EDGE else None
+        """Run a round: descend on the highest peak (first round only), then polish, away from the edge of stability."""
+        edge, before, problem = min(local.edge, 0.5 * self.point(local.x).edge_distance), local.merit, self.problem
+        active_edge = edge if edge >= _LAST_EDGE else None
         if before == inf:
 
             def merit(x: Array) -> tuple[float, Callable[[], Array]]:
-                return self.point(x, kept).merit(local.weight)
+                return self.point(x, active_edge).merit(local.weight)
 
             down = descend(merit, local.x, problem.low, problem.high, steps=_DESCENDING, gain=_GAIN)
             local.x, local.steps = down.x, local.steps + down.steps
-        hard = -inf if before == inf else _PROMISE  # the last digits are for those that are finished
-        polish = Polish(lambda x: self.point(x, kept), local.x, weight=local.weight, gain=_PROMISE, hard=hard)
+        hard = -inf if before == inf else _MIN_DECREASE  # full accuracy only for starts that are completed
+        polish = Polish(
+            lambda x: self.point(x, active_edge), local.x, weight=local.weight, gain=_MIN_DECREASE, hard=hard
+        )
         done = polish.run(_POLISHING)
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
         point, complete = self.keep(Point(self.problem, local.x, self.known))
         if point.excess > LEVEL:
             local.weight *= 10.0
-            local.gain = local.merit = inf  # merits of two weights tell nothing of each other
+            local.gain = local.merit = inf  # merits of different weights are not comparable
             return
         local.value = min(local.value, point.aim)
         local.gain = before - done.value if complete else inf
         local.open = local.gain >= _GAIN
-        if kept is not None and point.apart < _AT_EDGE * kept:  # on along it, and nearer
-            local.edge, local.open = _NEARER * kept, True
+        if active_edge is not None and point.edge_distance < _AT_EDGE * active_edge:  # continue with a smaller distance
+            local.edge, local.open = _NEARER * active_edge, True
         elif complete and done.stationary:
-            local.gain = 0.0  # the last digits alone are left
+            local.gain = 0.0  # converged to rounding level
 
     def stabilized(self, x: Array) -> tuple[Array | None, int]:
-        """Return free numbers at which all loops are stable, found by descending the spectral abscissa."""
+        """Return free parameters at which all loops are stable, by descent of the spectral abscissa, and the steps."""
         if self.point(x).stable:
             return x, 0
 
@@ -240,7 +242,7 @@ def search(
     deadline: Deadline,
     first: list[Array],
 ) -> Search:
-    """Return the search from all starts, or what it had come to when the time ran out or the user stopped it.
+    """Search from all starts; return the search also after the time limit or an interrupt.
 
     Parameters
     ----------
@@ -249,32 +251,32 @@ def search(
     rng : Generator
     deadline : Deadline
     first : list of ndarray
-        Starts that are given.
+        User-defined starts.
     """
     work = Search(problem, deadline)
     try:
-        begun: list[tuple[str, Array]] = [("given", x) for x in first]
+        initial: list[tuple[str, Array]] = [("given", x) for x in first]
         less, reached = problem.structure.lower(), -inf
         if less is not None and (starts > 1 or not first):
             small = replace(problem, structure=less)
-            # what a call for that order comes to: the same starts and the same numbers drawn
-            inner = search(small, starts, rng, _share(deadline, _LOWER), [])
+            # the same search as a call for that order: the same starts and random numbers
+            inner = search(small, starts, rng, _fraction_of(deadline, _LOWER), [])
             work.stages += [f"order {small.order}: {stage}" for stage in inner.stages]
             if inner.best is not None:
                 work.stages.append(f"from order {small.order}: {exp(inner.value):.6g}")
                 reached = inner.value
-                for name, size in (("order", 0.0), (_BESIDE, _QUIET)):  # the same controller, and one beside it
+                for name, size in (("order", 0.0), (_NEARBY, _QUIET)):  # the same controller, and one near it
                     x = problem.structure.grown(inner.best, problem.ports, rng, size)
-                    begun.append((f"{name} {small.order}", x))
+                    initial.append((f"{name} {small.order}", x))
             if "stopped" in inner.stages or deadline.over:
-                for _, x in begun:
+                for _, x in initial:
                     work.keep(Point(problem, problem.clipped(x), work.known))
                 work.stages.append("stopped" if "stopped" in inner.stages else "out of time")
                 return work
-        for k in range(max(starts - len(begun), 1)):
+        for k in range(max(starts - len(initial), 1)):
             level = float(10.0 ** rng.uniform(*_LEVELS)) if k else _QUIET
-            begun.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
-        work.from_starts(begun, reached)
+            initial.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
+        work.from_starts(initial, reached)
     except NothingLeftError:
         work.stages.append("nothing left")
     except OutOfTimeError:
@@ -284,5 +286,5 @@ def search(
     return work
 
 
-def _share(deadline: Deadline, share: float) -> Deadline:
-    return Deadline(share * max(deadline.limit - deadline.elapsed, 0.0))
+def _fraction_of(deadline: Deadline, fraction: float) -> Deadline:
+    return Deadline(fraction * max(deadline.limit - deadline.elapsed, 0.0))

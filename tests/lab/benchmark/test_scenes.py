@@ -17,7 +17,15 @@ from boomctl.lab.benchmark.measure import scene_at
 from boomctl.lab.benchmark.plain_boom import PlainBoom, banded_sigma, control_boom, control_sigma
 from boomctl.lab.benchmark.report import SCENES
 from boomctl.lab.benchmark.scenes import boom, loops, synthesis
-from boomctl.lab.benchmark.scenes.hub_beam import SPIN_UP, TORQUE, equations, instants, machine, scipy_motion, sundials
+from boomctl.lab.benchmark.scenes.hub_beam import (
+    SPIN_UP,
+    TORQUE,
+    equations,
+    machine,
+    scipy_motion,
+    sundials,
+    time_points,
+)
 from boomctl.lab.benchmark.scenes.identification import STEP, frequency_errors, subspace_frequencies
 from boomctl.lab.benchmark.scenes.slews import end_error, least_effort, least_time, opti_torque, slew_of
 from boomctl.lti.rounding import SUMMED
@@ -130,7 +138,7 @@ def test_extrapolation_is_exact_for_a_forced_oscillator():
 @pytest.mark.slow
 @pytest.mark.parametrize("maneuver", [SPIN_UP, TORQUE], ids=["spin-up", "torque"])
 def test_hub_beam_keeps_its_tolerance_on_equations_of_others(maneuver):
-    beam, time = AssumedModesBeam(machine(), "sfoam", 5), instants(12.0)
+    beam, time = AssumedModesBeam(machine(), "sfoam", 5), time_points(12.0)
     exact = extrapolated(*equations(beam, maneuver), time, 10)
     for rtol, error in ((1e-4, 1e-5), (1e-6, 1e-6), (1e-8, 1e-8), (1e-12, 5e-12)):
         assert apart(beam.simulate(maneuver, time, rtol=rtol, atol=1e-15).tip_displacement, exact) < error

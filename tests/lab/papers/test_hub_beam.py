@@ -22,8 +22,8 @@ from boomctl.lab.papers.bai.comparison import (
     Line,
     Panel,
     Part,
+    check_statement,
     compare,
-    judge,
 )
 from boomctl.lab.papers.bai.report import jobs, report, results
 from boomctl.lab.papers.bai.validity import TIME, leaves, tip_errors, tips
@@ -47,7 +47,7 @@ def test_a_mended_slip_counts_as_corrected_only_if_it_explains_the_number():
     assert compare("", "", "", 1.0, 2.0, slipped=1.05).verdict == CORRECTED
     assert compare("", "", "", 1.0, 2.0, slipped=1.2).verdict == NOT_REPRODUCIBLE
     assert compare("", "", "", 1.0, 1.05, slipped=7.0).verdict == MET
-    assert [judge("", "", "", holds, "").verdict for holds in (True, False)] == [MET, NOT_REPRODUCIBLE]
+    assert [check_statement("", "", "", holds, "").verdict for holds in (True, False)] == [MET, NOT_REPRODUCIBLE]
 
 
 # -- the paper's numbers ----------------------------------------------------------------------------------------------

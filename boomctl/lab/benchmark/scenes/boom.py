@@ -81,7 +81,7 @@ def boom_sigma() -> Scene:
         measure="Largest relative error of a singular value, against the exact beam in 50 digits.",
         problem=BoomParameters,
         reference=lambda p: sigma_of(exact_response(p, _OMEGA)[:2, :2]),
-        error=lambda p, true, found: float(np.abs(np.asarray(found) / true - 1.0).max()),
+        error=lambda p, true, answer: float(np.abs(np.asarray(answer) / true - 1.0).max()),
         methods=(
             *_ours(lambda model: sigma(model, _OMEGA).sigma),
             *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True),
@@ -111,7 +111,7 @@ def boom_peak() -> Scene:
         measure="Relative error, against the exact beam in 50 digits.",
         problem=BoomParameters,
         reference=peak_in_many_digits,
-        error=lambda p, true, found: abs(found / true - 1.0),
+        error=lambda p, true, answer: abs(answer / true - 1.0),
         methods=(
             *_ours(peak, verified=True),
             *_others("control.linfnorm", _PEERS, by_control, "slycot"),
@@ -186,7 +186,7 @@ def boom_reduction() -> Scene:
         measure="Largest singular value of the difference over that of the full model, resonances to 100 Hz included.",
         problem=BoomParameters,
         reference=lambda p: resonance_grid(full(p, 0.0)),
-        error=lambda p, true, found: difference(found, *true),
+        error=lambda p, true, answer: difference(answer, *true),
         methods=(
             *settings("reduce, balanced", "order {}", orders, ours, verified=True, ours=True),
             *settings("control.balred", "order {}", orders, theirs, modules=("slycot",)),

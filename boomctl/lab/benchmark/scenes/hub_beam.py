@@ -27,7 +27,7 @@ Cases = tuple[tuple[int, float], ...]
 """Modes or polynomials, and the relative tolerance of the integration."""
 
 
-def instants(end: float) -> Array:
+def time_points(end: float) -> Array:
     """Return times [s], ten per second."""
     return np.linspace(0.0, end, round(10.0 * end) + 1)
 
@@ -54,7 +54,7 @@ def _settings(maneuver: Maneuver, timepts: Array, method: str, cases: Cases) -> 
 def _scene(
     title: str, words: str, maneuver: Maneuver, end: float, reference: tuple[int, float], methods: dict[str, Cases]
 ) -> Scene:
-    timepts = instants(end)
+    timepts = time_points(end)
     (exact,) = _settings(maneuver, timepts, "geometrically-exact", (reference,))
     return Scene(
         title=title,

@@ -23,7 +23,7 @@ _ERRORS, _OUTPUTS = 0.03, 28  # of each output's RMS; accelerometers
 
 @cache
 def frame_record(outputs: int) -> tuple[Array, Array, Array]:
-    """Return inputs of two shakers, accelerations with errors, and the poles in the band [rad/s]; two are 1 % apart."""
+    """Return inputs of two shakers, accelerations with errors, and the poles in the band [rad/s]; two differ by 1 %."""
     rng = np.random.default_rng(0)
     hz = np.r_[np.sort(rng.uniform(20.0, 470.0, _MODES)), _ABOVE]
     hz[5] = 1.01 * hz[4]
@@ -39,9 +39,9 @@ def frame_record(outputs: int) -> tuple[Array, Array, Array]:
 
 def frequency_errors(hz: Array, true: Array) -> Array:
     """Return the relative error of each true frequency, one to one; 1 where none is left for it."""
-    apart = np.ones((len(true), max(len(true), len(hz))))
-    apart[:, : len(hz)] = np.minimum(np.abs(hz / true[:, None] - 1.0), 1.0)
-    return apart[linear_sum_assignment(apart)]
+    errors = np.ones((len(true), max(len(true), len(hz))))
+    errors[:, : len(hz)] = np.minimum(np.abs(hz / true[:, None] - 1.0), 1.0)
+    return errors[linear_sum_assignment(errors)]
 
 
 def identification() -> Scene:
@@ -58,8 +58,8 @@ def identification() -> Scene:
         u, y, _ = problem
         return subspace_frequencies(method, order, u[:_FITTED], (1.0 + change) * y[:_FITTED], STEP)
 
-    def error(problem: tuple[Array, Array, Array], true: Array, found: Array) -> float:
-        return float(frequency_errors(found, true).max())
+    def error(problem: tuple[Array, Array, Array], true: Array, answer: Array) -> float:
+        return float(frequency_errors(answer, true).max())
 
     options: dict[str, Any] = {"modules": ("ctrlsys",)}
     return Scene(

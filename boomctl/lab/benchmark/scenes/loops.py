@@ -103,13 +103,13 @@ def interconnected(
         Further systems of the loop.
     """
     names = [str(name) for name in law.output_labels]
-    asked = [f"asked_{name}" for name in names]
-    law = control.ss(law.A, law.B, law.C, law.D, plant.dt, inputs=law.input_labels, outputs=asked, name="law")
+    commands = [f"asked_{name}" for name in names]
+    law = control.ss(law.A, law.B, law.C, law.D, plant.dt, inputs=law.input_labels, outputs=commands, name="law")
 
     def clipped(t: float, x: Array, u: Array, params: dict[str, Any]) -> Array:
         return np.clip(u, -limit, limit)
 
-    limits = control.nlsys(None, clipped, inputs=asked, outputs=names, dt=plant.dt, name="limits")
+    limits = control.nlsys(None, clipped, inputs=commands, outputs=names, dt=plant.dt, name="limits")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # outputs that no one reads
         return control.interconnect(
@@ -153,7 +153,7 @@ class BoomLoop:
         motion[[plant.input_labels.index(name) for name in ACTUATORS]] = _rough_ground(_TIME)
         return cls(plant, law, motion)
 
-    def places(self, names: tuple[str, ...], inputs: bool = False) -> list[int]:
+    def indices(self, names: tuple[str, ...], inputs: bool = False) -> list[int]:
         """Return the places of signals among the plant's outputs, or inputs."""
         labels = self.plant.input_labels if inputs else self.plant.output_labels
         return [labels.index(name) for name in names]
@@ -162,12 +162,12 @@ class BoomLoop:
     def loop(self) -> Loop:
         """The loop as others solve it."""
         P, W = self.plant, self.motion
-        driven, slopes = P.B[:, self.places(_FORCES, inputs=True)], np.diff(W, axis=1) / _STEP
-        strokes, tips = self.places(_STROKES), self.places(TIPS)
+        driven, rates = P.B[:, self.indices(_FORCES, inputs=True)], np.diff(W, axis=1) / _STEP
+        strokes, tips = self.indices(_STROKES), self.indices(TIPS)
 
         def rate(t: float, x: Array, u: Array) -> Array:
             k = min(int(t / _STEP + 1e-6), len(_TIME) - 2)
-            return P.A @ x + P.B @ (W[:, k] + slopes[:, k] * (t - _TIME[k])) + driven @ u
+            return P.A @ x + P.B @ (W[:, k] + rates[:, k] * (t - _TIME[k])) + driven @ u
 
         def read(k: int, x: Array) -> tuple[Array, Array]:
             y = P.C @ x + P.D @ W[:, k]
@@ -179,12 +179,12 @@ class BoomLoop:
         """Return the tips by maps from sample to sample in extended precision."""
         Phi, held, ramp = extended_maps(self.plant.A, self.plant.B, _STEP)
         forcing = held @ self.motion[:, :-1] + ramp @ np.diff(self.motion, axis=1)
-        driven = held[:, self.places(_FORCES, inputs=True)]
+        driven = held[:, self.indices(_FORCES, inputs=True)]
         return self.loop.advanced(lambda k, x, u: Phi @ x + driven @ u + forcing[:, k], np.longdouble)
 
     def simulated(self, limit: float = _FORCE) -> Array:
         """Return the tips by this package."""
-        wheels: dict[str, Array] = dict(zip(ACTUATORS, self.motion[self.places(ACTUATORS, inputs=True)], strict=True))
+        wheels: dict[str, Array] = dict(zip(ACTUATORS, self.motion[self.indices(ACTUATORS, inputs=True)], strict=True))
         options: dict[str, Any] = {
             "sample_time": _STEP,
             "control_limit": limit,
@@ -198,7 +198,7 @@ class BoomLoop:
         P = self.plant
         plant = control.ss(P.A, P.B, P.C, P.D, inputs=P.input_labels, outputs=P.output_labels, name="plant")
         loop = interconnected(plant, self.law, _FORCE, list(ACTUATORS), list(TIPS))
-        return responded(loop, _TIME, self.motion[self.places(ACTUATORS, inputs=True)], method, rtol)
+        return responded(loop, _TIME, self.motion[self.indices(ACTUATORS, inputs=True)], method, rtol)
 
 
 def _rough_ground(time: Array) -> Array:

@@ -27,7 +27,7 @@ _SAME = 1e-11  # Rounding error of the references, below which errors count as e
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 _PHASE = 1.0  # rad: of the highest mode in a step of the replay; order 16 leaves 1e-15 of that
-_SUBSTEPS = 4  # of RK4 an interval: 1e-7 of the effort with 200 intervals and three modes (measured)
+_SUBSTEPS = 4  # RK4 steps per interval: error of 1e-7 of the effort with 200 intervals and three modes
 _ARCS = 20  # steps an arc of a bang-bang torque: each well below a radian of the highest mode
 _CLOSED = 1e-11  # of the end of a bang-bang slew: rounding
 
@@ -111,9 +111,9 @@ def _scene(
         slew = slew_of(change, duration=_GUESS if what == "time" else _DURATION)
         return opti_torque(slew.on(intervals), substeps, fastest=what == "time")
 
-    def error(problem: Any, least: float, found: TorqueProfile) -> float:
-        reached = found.duration if what == "time" else found.effort
-        return max(abs(reached / least - 1.0), end_error(slew_of(), found), _SAME)
+    def error(problem: Any, least: float, answer: TorqueProfile) -> float:
+        reached = answer.duration if what == "time" else answer.effort
+        return max(abs(reached / least - 1.0), end_error(slew_of(), answer), _SAME)
 
     steps = {"Opti, RK4": 1, "Opti, 4 steps of RK4": 4}
     meshes = {method: [(n, count) for n in (50, 100, 200, 400)] for method, count in steps.items()}
@@ -226,11 +226,11 @@ def least_time(slew: Slew, intervals: int) -> float:
         Opti's has another number of arcs, or the durations do not lead to the end.
     """
     result = opti_torque(slew.on(intervals), _SUBSTEPS, fastest=True)
-    shares, h = result.start_values / slew.torque_limit, result.duration / intervals
-    signs = np.sign(shares)
+    fractions, h = result.start_values / slew.torque_limit, result.duration / intervals
+    signs = np.sign(fractions)
     turns = np.flatnonzero(signs[1:] != signs[:-1])
     # The momentum gives the switching time within the two intervals.
-    parts = shares[turns] - signs[turns] + shares[turns + 1] + signs[turns]
+    parts = fractions[turns] - signs[turns] + fractions[turns + 1] + signs[turns]
     switches = h * (turns + 1.0 + 0.5 * signs[turns] * parts)
     lengths = np.diff(np.concatenate([[0.0], switches, [result.duration]]))
     if lengths.size != slew.target.size:

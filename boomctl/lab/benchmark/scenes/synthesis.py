@@ -116,8 +116,8 @@ def h_infinity_scene() -> Scene:
 def published_plants() -> dict[str, tuple[control.StateSpace, int, int]]:
     """Return generalized plants of COMPleib with their numbers of measurements and controls."""
     result = {}
-    for name, given in read_toml(_PLANTS).items():
-        A, B1, B, C1, C, D12 = (np.asarray(given[key], float) for key in ("A", "B1", "B", "C1", "C", "D12"))
+    for name, matrices in read_toml(_PLANTS).items():
+        A, B1, B, C1, C, D12 = (np.asarray(matrices[key], float) for key in ("A", "B1", "B", "C1", "C", "D12"))
         D = np.zeros((len(C1) + len(C), B1.shape[1] + B.shape[1]))
         D[: len(C1), B1.shape[1] :] = D12
         result[name] = control.ss(A, np.hstack([B1, B]), np.vstack([C1, C]), D), len(C), B.shape[1]
@@ -183,4 +183,4 @@ def simplex_gain(P: control.StateSpace, nmeas: int, ncon: int, n_starts: int) ->
     options: dict[str, Any] = {"method": "Nelder-Mead", "bounds": [(-_LARGEST, _LARGEST)] * (ncon * nmeas)}
     for _ in range(n_starts):
         result.append(minimize(value, rng.standard_normal(ncon * nmeas), **options))
-    return min(result, key=lambda each: each.fun).x.reshape(ncon, nmeas)
+    return min(result, key=lambda run: run.fun).x.reshape(ncon, nmeas)

@@ -253,14 +253,14 @@ def friction_study(
     yaw = sigma(antisymmetric, omega, ("actuator_anti",), ("tip_anti",)).sigma[0]
     H = np.asarray(damped.frequency_response(omega).frdata)
     readings = []
-    for name, viscous, share in _READINGS:
-        law = CoulombFriction(share * force)
+    for name, viscous, fraction in _READINGS:
+        law = CoulombFriction(fraction * force)
         model = _jolt(replace(p, cradle_damping=max(viscous, _NO_DAMPING) * p.cradle_damping))
         balance, stepped = (
             respond(model, law, grid, "actuator_sym", size, "tip_sym")
             for respond, grid in ((describing_function, omega), (stepped_sine, sines))
         )
-        readings.append(FrictionReading(name, share * force, balance, stepped))
+        readings.append(FrictionReading(name, fraction * force, balance, stepped))
     stuck = np.abs(H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1])  # the slip held at zero
     return BoomFriction(omega, np.abs(H[0, 0]), yaw, stuck, tuple(readings), float(amplitude), force, matched_hz)
 

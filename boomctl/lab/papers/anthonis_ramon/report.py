@@ -32,9 +32,9 @@ def jobs(parameters: BoomParameters | None = None, measured: MeasuredFrequencyRe
     }
 
 
-def report(found: Mapping[str, Chapter]) -> Report:
+def report(jobs: Mapping[str, Chapter]) -> Report:
     """Return the report of the jobs' results."""
-    chapters = [found[name] for name in _ORDER]
+    chapters = [jobs[name] for name in _ORDER]
     sections = tuple(section for chapter in chapters for section in chapter.sections)
     results = {key: value for chapter in chapters for key, value in chapter.results.items()}
     return Report("The spray boom of Anthonis & Ramon (2003)", (_LEAD,), sections, results)

@@ -30,8 +30,8 @@ READINGS = (
 """What is freed, one reading a line."""
 
 _ELEMENTS = 20  # finite ones: its frequencies are then those of the exact beam to 2e-4, at a tenth of the price
-STARTS = 2  # of each fit (a choice)
-_STEP = 1e-4  # of the logarithm of a parameter, for the slope of the first frequency: nine digits over four (a choice)
+STARTS = 2  # starts of each fit
+_STEP = 1e-4  # finite-difference step of log(parameter) for the derivative of the first frequency
 _ABOUT = (
     "No parameter of Table 2 was changed for the rest of this report. Here parameters are fitted to the measured row, to see"
     " what it says of them: 20 finite elements, whose frequencies are the exact ones to 0.02 %; errors of one relative size,"
@@ -142,8 +142,8 @@ def _findings(study: BoomUpdating) -> tuple[str, str]:
     )
 
 
-def _holds(found: FitResult, name: str, value: float) -> bool:
-    low, high = found.intervals[name]
+def _holds(result: FitResult, name: str, value: float) -> bool:
+    low, high = result.intervals[name]
     return low <= value <= high
 
 
@@ -168,13 +168,13 @@ def _table(study: BoomUpdating) -> Table:
 def _results(study: BoomUpdating) -> dict[str, object]:
     """Return the study's numbers for ``results.json``."""
 
-    def numbers(found: FitResult) -> dict[str, object]:
+    def numbers(fit: FitResult) -> dict[str, object]:
         return {
-            "values": found.values,
-            "intervals": found.intervals,
-            "fitted_hz": found.best_fit,
-            "deviation": found.error_std,
-            "certified": found.success,
+            "values": fit.values,
+            "intervals": fit.intervals,
+            "fitted_hz": fit.best_fit,
+            "deviation": fit.error_std,
+            "certified": fit.success,
         }
 
     return {

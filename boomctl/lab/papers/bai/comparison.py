@@ -217,6 +217,8 @@ def compare(
     return Comparison(where, what, unit, published, computed, reading, tolerance, verdict, reasons)
 
 
-def judge(where: str, published: str, computed: str, holds: bool, why: str, *, corrected: bool = False) -> Claim:
+def check_statement(
+    where: str, published: str, computed: str, holds: bool, why: str, *, corrected: bool = False
+) -> Claim:
     """Compare a statement: met (with a corrected reading) if it `holds`, else not reproducible."""
     return Claim(where, published, computed, (CORRECTED if corrected else MET) if holds else NOT_REPRODUCIBLE, why)

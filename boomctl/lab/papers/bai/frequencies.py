@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from boomctl.lab.papers.bai.comparison import Comparison, Panel, Part, compare, judge, lines
+from boomctl.lab.papers.bai.comparison import Comparison, Panel, Part, check_statement, compare, lines
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
 from boomctl.rotating_beam.parameters import HubBeamParameters
@@ -38,9 +38,9 @@ def critical_speeds() -> Part:
     """Critical speeds of TLAM, and the smallest eigenvalue of its stiffness over speed, mass and place (Fig. 9)."""
     computed = {mass: _critical(mass, None) for mass in CRITICAL_SPEEDS}
     comparisons = tuple(_critical_speed(mass, printed, computed[mass]) for mass, printed in CRITICAL_SPEEDS.items())
-    speeds, places = np.linspace(0.0, 3.5, 141), np.linspace(0.0, 8.0, 41)
+    speeds, positions = np.linspace(0.0, 3.5, 141), np.linspace(0.0, 8.0, 41)
     by_speed = {label: np.array([_smallest_eigenvalue(mass, w) for w in speeds]) for label, mass in _WHERE.items()}
-    by_place = {f"{m} kg": np.array([_critical(m, float(place)) for place in places]) for m in (0.1, 0.5)}
+    by_position = {f"{m} kg": np.array([_critical(m, float(position)) for position in positions]) for m in (0.1, 0.5)}
     left = Panel(
         "(a) smallest eigenvalue of K22",
         "eigenvalue [N/m]",
@@ -49,14 +49,14 @@ def critical_speeds() -> Part:
         ylim=(-15.0, 15.0),
         levels=((0.0, ""),),
     )
-    right = Panel("(b) critical speed", "hub speed [rad/s]", lines(places, by_place), "place of the mass l [m]")
+    right = Panel("(b) critical speed", "hub speed [rad/s]", lines(positions, by_position), "place of the mass l [m]")
     caption = (
         "Fig. 9. TLAM: smallest eigenvalue of its stiffness K22 over the hub speed, and the speed at which it "
         "vanishes over the place of the mass"
     )
     at_hub = _critical(0.5, 0.0)
-    falling = all(bool(np.all(np.diff(y) < 1e-9)) for y in by_place.values())
-    claim = judge(
+    falling = all(bool(np.all(np.diff(y) < 1e-9)) for y in by_position.values())
+    claim = check_statement(
         "Fig. 9",
         "the mass at the clamp changes nothing; towards the tip, and the heavier it is, the lower the critical speed",
         f"{at_hub:.4f} rad/s with 0.5 kg at the clamp; falling all along the beam",
@@ -73,8 +73,10 @@ def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
     return compare("section 4.4", what, "rad/s", printed, computed, why, tolerance=0.005)
 
 
-def _critical(mass: float, place: float | None) -> float:
-    return float(hub_beam(HubBeamParameters(tip_mass=mass, tip_mass_position=place), "tlam", _MODES).divergence_speed())
+def _critical(mass: float, position: float | None) -> float:
+    return float(
+        hub_beam(HubBeamParameters(tip_mass=mass, tip_mass_position=position), "tlam", _MODES).divergence_speed()
+    )
 
 
 def _smallest_eigenvalue(mass: float, speed: float) -> float:

@@ -29,7 +29,7 @@ _DRAWN = {
     "Table 2, Fig. 9": (frequencies.table_2, frequencies.critical_speeds),
 }
 """Parts of the paper that share runs of the beam; the longest first."""
-_MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # the longest first (measured)
+_MODELS = ("CFOAM", "FOAM", "TLAM", "exact", "SFOAM", "SFOAM, consistent")  # in order of run time, the longest first
 
 _CURVE_POINTS = 301  # of a curve in results.json: enough to draw it again, and a file of one megabyte
 _SHADES = {MET: "#d8efe2", CORRECTED: "#fff2cc", NOT_REPRODUCIBLE: "#f8d7da"}
@@ -51,10 +51,10 @@ def jobs(torques: tuple[float, ...] = TORQUES) -> Jobs:
     return valid | {name: partial(_drawn, name) for name in _DRAWN} | {"a slew": _film}
 
 
-def report(found: Mapping[str, Any], torques: tuple[float, ...] = TORQUES) -> Report:
+def report(jobs: Mapping[str, Any], torques: tuple[float, ...] = TORQUES) -> Report:
     """Return the report of the results of the jobs for these torques."""
-    free, (*spun_up, fig_10), (table_2, fig_9) = (found[name] for name in _DRAWN)
-    valid = section(np.array(torques), tip_errors({label: found[f"validity of {label}"] for label in _MODELS}))
+    free, (*spun_up, fig_10), (table_2, fig_9) = (jobs[name] for name in _DRAWN)
+    valid = section(np.array(torques), tip_errors({label: jobs[f"validity of {label}"] for label in _MODELS}))
     parts, sections = zip(table_2, *spun_up, *free, fig_9, fig_10, (valid, _section(valid)), strict=True)
     values = results(parts)
     counts = "; ".join(f"{count} {verdict}" for verdict, count in values["summary"].items())
@@ -63,7 +63,7 @@ def report(found: Mapping[str, Any], torques: tuple[float, ...] = TORQUES) -> Re
         "Transducers 5 (2009) 53-68: published numbers and curves, and those of corrected equations. Numbers and statements: "
         f"{counts}."
     )
-    return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, found["a slew"]), values)
+    return Report("A rotating beam with a tip mass, reproduced", (lead, _RULE), (*sections, jobs["a slew"]), values)
 
 
 def _drawn(name: str) -> list[tuple[Part, Section]]:
@@ -98,10 +98,10 @@ def _section(part: Part) -> Section:
     return Section(part.title, (), tuple(tables), pictures)
 
 
-def _line(found: Comparison) -> tuple[str, ...]:
-    numbers = (found.published, found.computed, found.reading, found.tolerance)
+def _line(comparison: Comparison) -> tuple[str, ...]:
+    numbers = (comparison.published, comparison.computed, comparison.reading, comparison.tolerance)
     texts = ("" if value is None else f"{value:.6g}" for value in numbers)
-    return (found.where, found.what, *texts, found.unit, found.verdict, found.why)
+    return (comparison.where, comparison.what, *texts, comparison.unit, comparison.verdict, comparison.why)
 
 
 def results(parts: Sequence[Part]) -> dict[str, Any]:

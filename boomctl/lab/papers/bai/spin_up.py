@@ -11,8 +11,8 @@ from boomctl.lab.papers.bai.comparison import (
     Line,
     Panel,
     Part,
+    check_statement,
     compare,
-    judge,
     lines,
     peak,
 )
@@ -59,12 +59,12 @@ def neglected_terms() -> Part:
     )
     caption = "Fig. 3. Terms of CFOAM that FOAM neglects, spin-up to 3 rad/s, one mode (scaled to 1 at the tip)"
     panels = tuple(Panel(title, label, lines(TIME, {"": y})) for title, label, y in curves)
-    shares = [peak(y[TIME > DURATION]) / peak(y) for _, _, y in curves[:5]]
-    claim = judge(
+    ratios = [peak(y[TIME > DURATION]) / peak(y) for _, _, y in curves[:5]]
+    claim = check_statement(
         "Fig. 3",
         "the neglected terms are small and tend to zero after 30 s",
-        f"at most {max(shares):.2g} of their peaks after 30 s; |ΔM_θθ| <= {1e-6 * peak(curves[0][2]):.1e} kg m²",
-        max(shares) < 0.05,
+        f"at most {max(ratios):.2g} of their peaks after 30 s; |ΔM_θθ| <= {1e-6 * peak(curves[0][2]):.1e} kg m²",
+        max(ratios) < 0.05,
         "Eqs. (35), (36), (38), (39) corrected: the print has wrong signs and factors, and lacks terms",
         corrected=True,
     )
@@ -81,7 +81,7 @@ def cfoam_and_foam() -> Part:
         Panel("(b) difference from the geometrically exact beam", "Δv(L) [mm]", lines(TIME, differences)),
     )
     gap = peak(tips["CFOAM"] - tips["FOAM"]) / peak(tips["FOAM"])
-    claim = judge(
+    claim = check_statement(
         "Fig. 4",
         "the displacements of CFOAM and FOAM are exactly the same at 3 rad/s",
         f"largest difference {gap:.1e} of the peak",
@@ -97,7 +97,7 @@ def foam_and_tlam() -> Part:
     panels = tuple(panel for row, (speed, pair) in enumerate(runs.items(), 1) for panel in _pair(row, speed, pair))
     far, near = (peak(r.tip_displacement) for r in runs[3.0].values())
     until = runs[3.0]["TLAM"].small_deformation_until
-    claim = judge(
+    claim = check_statement(
         "Fig. 5",
         "the response of TLAM diverges at 3 rad/s, that of FOAM does not",
         f"TLAM leaves L/10 at {until:.2f} s and reaches {far:.3g} m at 60 s; FOAM stays within {near:.3f} m",
@@ -145,7 +145,7 @@ def mode_by_mode() -> Part:
     peaks = np.max(np.abs(transverse), axis=0)
     what = "transverse over axial peak at 5 rad/s"
     comparison = compare("Fig. 6", what, "", 1500.0, ratio, "peaks at the tip")
-    claim = judge(
+    claim = check_statement(
         "Fig. 6",
         "the first two transverse modes dominate",
         "peaks " + ", ".join(f"{1e3 * item:.3g}" for item in peaks) + " mm",
@@ -169,8 +169,8 @@ def mode_by_mode() -> Part:
     return Part("Fig. 6: modes of FOAM", "fig-06", caption, panels, (comparison,), (claim,))
 
 
-def _modes(shares: Array) -> tuple[Line, ...]:
-    return lines(TIME, {f"mode {i}": share for i, share in enumerate(shares.T, 1)})
+def _modes(contributions: Array) -> tuple[Line, ...]:
+    return lines(TIME, {f"mode {i}": contribution for i, contribution in enumerate(contributions.T, 1)})
 
 
 def tip_mass() -> Part:
@@ -178,24 +178,24 @@ def tip_mass() -> Part:
     runs = {mass: {name: _run(name, 2.0, 5, mass) for name in ("TLAM", "FOAM")} for mass in MASSES}
     tips = {mass: {name: run.tip_displacement for name, run in pair.items()} for mass, pair in runs.items()}
     left = runs[0.5]["TLAM"].small_deformation_until
-    share = peak(tips[0.0]["TLAM"] - tips[0.0]["FOAM"]) / peak(tips[0.0]["FOAM"])
+    relative_peak = peak(tips[0.0]["TLAM"] - tips[0.0]["FOAM"]) / peak(tips[0.0]["FOAM"])
     at_ten = {mass: _first("FOAM", mass, 10.0) for mass in MASSES}
     claims = (
-        judge(
+        check_statement(
             "Fig. 10",
             "TLAM fails at 2 rad/s with 0.5 kg",
             f"it diverges: |v| exceeds L/10 at {left:.2f} s",
             bool(left < 60.0),
             "the critical speed is 1.936 rad/s",
         ),
-        judge(
+        check_statement(
             "section 4.4",
             "without tip mass TLAM is almost the same as FOAM at 2 rad/s",
-            f"largest difference {share:.2g} of the peak",
-            share < 0.1,
+            f"largest difference {relative_peak:.2g} of the peak",
+            relative_peak < 0.1,
             "TLAM loses stiffness with the speed squared, 47 % of it at 2 rad/s; FOAM does not",
         ),
-        judge(
+        check_statement(
             "conclusions",
             "the tip mass has a stiffening effect in FOAM",
             "first frequency at 10 rad/s: " + ", ".join(f"{item:.3f}" for item in at_ten.values()) + " rad/s",

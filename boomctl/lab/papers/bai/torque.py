@@ -12,8 +12,8 @@ from boomctl.lab.papers.bai.comparison import (
     Line,
     Panel,
     Part,
+    check_statement,
     compare,
-    judge,
     lines,
     peak,
 )
@@ -44,13 +44,13 @@ def inertia_torque() -> Part:
     for amplitude, printed in INERTIA_TORQUES.items():
         what, corrected = f"largest Q_theta at {amplitude:g} N m", CORRECTED.get(amplitude)
         rows.append(compare("Table 3", what, "N m", printed, largest[amplitude], _why(amplitude), corrected=corrected))
-    what, share = "largest Q_theta over torque, 400 N m", 100.0 * largest[400.0] / 400.0
+    what, percent = "largest Q_theta over torque, 400 N m", 100.0 * largest[400.0] / 400.0
     why = "2.62/400 is 0.65 %, a slip of the point; what remains is the 2.62 of Table 3"
-    rows.append(compare("section 4.3", what, "%", 6.5, share, why, corrected=0.65))
-    claim = judge(
+    rows.append(compare("section 4.3", what, "%", 6.5, percent, why, corrected=0.65))
+    claim = check_statement(
         "section 4.3",
         "Q_theta is small compared with the torque, hence omitted in SFOAM",
-        f"{100 * largest[50.0] / 50.0:.2g} % of the torque at 50 N m, {share:.2g} % at 400 N m",
+        f"{100 * largest[50.0] / 50.0:.2g} % of the torque at 50 N m, {percent:.2g} % at 400 N m",
         largest[400.0] < 0.01 * 400.0,
         "it grows about as the cube of the torque",
     )
@@ -89,8 +89,8 @@ def _why(amplitude: float) -> str:
     slips = {50.0: "6.42 for 6.24 would be a swap of digits", 200.0: "the exponent is one too low"}
     if amplitude < 400.0:
         return slips.get(amplitude, "")
-    tried = [_run(label, 400.0, n, 0.0) for label in ("FOAM", "CFOAM", "SFOAM") for n in (1, 5)]
-    values = [peak(r.inertia_torque) for r in tried]
+    runs = [_run(label, 400.0, n, 0.0) for label in ("FOAM", "CFOAM", "SFOAM") for n in (1, 5)]
+    values = [peak(r.inertia_torque) for r in runs]
     heavy = peak(_run("FOAM", 400.0, 5, 0.1).inertia_torque)
     return (
         f"FOAM, CFOAM and SFOAM with 1 and 5 modes give {min(values):.2f} to {max(values):.2f}; "
@@ -141,14 +141,14 @@ def foam_and_sfoam() -> Part:
     gap = _gap(tips[50.0]["SFOAM"], tips[50.0]["FOAM"])
     single = _gap(tips[200.0]["SFOAM, 1 mode"], tips[200.0]["SFOAM"])
     claims = (
-        judge(
+        check_statement(
             "Fig. 8a",
             "at 50 N m the curves of SFOAM and FOAM almost coincide",
             f"largest difference {gap:.1e} of the peak",
             gap < 0.01,
             "",
         ),
-        judge(
+        check_statement(
             "Fig. 8b",
             "SFOAM with one mode shows what SFOAM with five does",
             f"largest difference {single:.1e} of the peak",

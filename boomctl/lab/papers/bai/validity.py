@@ -31,12 +31,12 @@ def tips(model: str, torques: tuple[float, ...]) -> list[Array]:
     return result
 
 
-def tip_errors(found: dict[str, list[Array]]) -> Errors:
+def tip_errors(tips: dict[str, list[Array]]) -> Errors:
     """Return the errors of all models, by label, against the exact beam: until 30 s, and after the torque (10 s)."""
-    exact = found["exact"]
+    exact = tips["exact"]
     return {
         part: {
-            label: np.array([_error(tip[at], true[at]) for tip, true in zip(found[label], exact, strict=True)])
+            label: np.array([_error(tip[at], true[at]) for tip, true in zip(tips[label], exact, strict=True)])
             for label in MODELS
             if label != "exact"
         }
@@ -71,7 +71,7 @@ def leaves(torques: Array, errors: Array, threshold: float) -> float:
     return float(np.exp(np.interp(np.log(threshold), np.log(errors[k - 1 : k + 1]), np.log(torques[k - 1 : k + 1]))))
 
 
-def section(torques: Array, found: Errors) -> Part:
+def section(torques: Array, computed: Errors) -> Part:
     """Return the picture and what it says."""
 
     def panel(title: str, errors: dict[str, Array]) -> Panel:
@@ -92,16 +92,16 @@ def section(torques: Array, found: Errors) -> Part:
         f"{len(torques)} torques, between which the limits in the table are interpolated, to some 5 %"
     )
     titles = {"(a) whole motion, 30 s": "whole motion", "(b) residual vibration, 10 to 30 s": "residual vibration"}
-    panels = tuple(panel(title, found[part]) for title, part in titles.items())
+    panels = tuple(panel(title, computed[part]) for title, part in titles.items())
     claims = tuple(
         Claim(
             "validity",
             f"{label} against the geometrically exact beam",
-            "; ".join(f"{name}: leaves " + _limits(torques, errors[label]) for name, errors in found.items()),
+            "; ".join(f"{name}: leaves " + _limits(torques, errors[label]) for name, errors in computed.items()),
             ADDED,
             "error of the tip displacement over its peak",
         )
-        for label in found["whole motion"]
+        for label in computed["whole motion"]
     )
     return Part("Where each model stops being true", "validity", caption, panels, claims=claims)
 
@@ -110,6 +110,6 @@ def _limits(torques: Array, errors: Array) -> str:
     texts = []
     for threshold in THRESHOLDS:
         torque = leaves(torques, errors, threshold)
-        place = f"above {torques[-1]:g}" if np.isinf(torque) else f"at {torque:.3g}"
-        texts.append(f"{100 * threshold:g} % {place if torque > torques[0] else f'below {torques[0]:g}'} N m")
+        text = f"above {torques[-1]:g}" if np.isinf(torque) else f"at {torque:.3g}"
+        texts.append(f"{100 * threshold:g} % {text if torque > torques[0] else f'below {torques[0]:g}'} N m")
     return ", ".join(texts)

@@ -1,4 +1,4 @@
-"""Solving a transcribed slew: first guess, bounds, IPOPT, and the answer in the units of the plant."""
+"""Solution of a transcribed slew by IPOPT: initial guess, bounds, and the result in the units of the plant."""
 
 from dataclasses import dataclass, field, replace
 
@@ -21,33 +21,33 @@ _OPTIONS = {
     "print_time": False,
     "error_on_fail": False,
     "calc_lam_p": False,
-    "ipopt.constr_viol_tol": 1e-10,  # of scaled conditions: a replay then finds the scheme's error, not IPOPT's
-    "ipopt.acceptable_iter": 0,  # no answer that is only acceptable
-    "ipopt.bound_relax_factor": 0.0,  # the torque's limit is kept to the last digit
+    "ipopt.constr_viol_tol": 1e-10,  # scaled; the replay error is then that of the scheme, not of IPOPT
+    "ipopt.acceptable_iter": 0,  # do not accept results at the acceptable level
+    "ipopt.bound_relax_factor": 0.0,  # the torque limit holds exactly
     "ipopt.honor_original_bounds": "yes",
-    "ipopt.max_iter": 500,  # a safeguard; a mesh that takes more is passed over for a finer one
+    "ipopt.max_iter": 500,  # if exceeded, the next finer mesh is used
     "ipopt.nlp_scaling_method": "none",  # the transcription scales
     "ipopt.mu_strategy": "adaptive",
-    # the order and the threshold of pivots: left to itself MUMPS loses digits where payloads are nearly equal, and takes
-    # up to 27 iterations for 3, each twice as long (measured)
+    # pivot order and threshold: with its defaults MUMPS is inaccurate for nearly equal payloads, and needs more and slower
+    # iterations
     "ipopt.mumps_pivot_order": 0,
     "ipopt.mumps_pivtol": 1e-4,
     "ipopt.fixed_variable_treatment": "make_parameter",
     "ipopt.warm_start_init_point": "yes",
-    "ipopt.warm_start_bound_push": 1e-6,  # starts are near the answer: left almost where they are
+    "ipopt.warm_start_bound_push": 1e-6,  # warm starts are near the solution and are shifted little
     "ipopt.warm_start_mult_bound_push": 1e-6,
     "ipopt.warm_start_slack_bound_push": 1e-6,
     "ipopt.mu_init": 1e-4,  # for the same reason
 }
-_TOLERANCE, _SHARE = 1e-9, 1e-3  # of the optimality conditions at most, and as a share of the end state's tolerance
-_LEAST_TIME = 1e-3  # of the duration over its typical size: a bound that only keeps it positive
-_SHOWN = 1e-6  # of a scaled condition: a smaller miss is that of the solver
-_NEAR = 1e-3  # of a scaled condition: a limit that is nearer is met, in words (a choice)
+_TOLERANCE, _FRACTION = 1e-9, 1e-3  # tolerance of IPOPT at most, and as a fraction of the end state's tolerance
+_LEAST_TIME = 1e-3  # lower bound of the scaled duration, to keep it positive
+_SHOWN = 1e-6  # violation of a scaled condition above which a message reports it; smaller ones are solver error
+_NEAR = 1e-3  # slack of a scaled condition below which a message reports a limit as active
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """An answer: torque history, value of the programme's cost, iterations, and where a solver starts from it."""
+    """Solution of a nonlinear program: torque history, cost, iterations, and data for a warm start."""
 
     history: TorqueProfile
     cost: float
@@ -58,21 +58,21 @@ class Solution:
 
 
 def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limits: Limits) -> Solution:
-    """Solve a programme for the data of a problem.
+    """Solve a nonlinear program for the data of a problem.
 
     Parameters
     ----------
     t : Transcription
     problem : SlewProblem
     start : Guess or Solution
-        Where to start: a guess, or a solution of the same programme with other data.
+        Initial guess, or a solution of the same program with other data.
     limits : Limits
-        The problem's, or tighter ones, which keep the motion within those between the nodes too.
+        Limits of the problem, or tighter ones to satisfy them between the nodes too.
 
     Raises
     ------
     SlewError
-        If no slew is found; it says what is missed most, and when, and which limits are met.
+        If no slew is found; the message names the largest violation, its time, and the active limits.
     """
     arguments = _bounds(t, problem, limits)
     if isinstance(start, Solution):
@@ -81,16 +81,16 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
         arguments["x0"] = _start(t, start)
     unit = OBJECTIVES[problem.objective].unit(t.units)
     stage = f"collocation of {count(t.points, 'point')} on {t.intervals} intervals"
-    options = _OPTIONS | t.derivatives | {"ipopt.tol": min(_TOLERANCE, _SHARE * problem.rtol)}
+    options = _OPTIONS | t.derivatives | {"ipopt.tol": min(_TOLERANCE, _FRACTION * problem.rtol)}
     raw, statistics = solved(t.nlp, options, arguments, problem.deadline, stage, unit)
     x = np.array(raw["x"]).ravel()
     duration = problem.duration if t.layout.duration is None else float(x[t.layout.duration]) * t.units.time
     assert duration is not None
     if not statistics["success"]:
-        said, missed = _failure(t, problem, duration, x, np.array(raw["g"]).ravel(), arguments)
+        message, excess = _failure(t, problem, duration, x, np.array(raw["g"]).ravel(), arguments)
         if statistics["return_status"] == "Infeasible_Problem_Detected":
-            raise LimitsTooTightError(said, missed)
-        raise SlewError(said)
+            raise LimitsTooTightError(message, excess)
+        raise SlewError(message)
     edges, torques = np.linspace(0.0, duration, t.intervals + 1), x[t.layout.torques] * t.units.torque
     history = ramped(edges, torques) if problem.ramps else held(edges, torques)
     again = {"x0": x, **{f"{name}0": np.array(raw[name]).ravel() for name in ("lam_x", "lam_g")}}
@@ -98,13 +98,13 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
 
 
 def _bounds(t: Transcription, problem: SlewProblem, limits: Limits) -> dict[str, Array]:
-    """Data, and bounds of unknowns and conditions."""
+    """Return the data, and bounds of unknowns and conditions."""
     units, layout = t.units, t.layout
-    p = np.array([(problem.duration or 0.0) / units.time, *limits.beside_torque.values()])
+    p = np.array([(problem.duration or 0.0) / units.time, *limits.without_torque.values()])
     lower, upper = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
     lower[layout.torques], upper[layout.torques] = (s * problem.limits.torque / units.torque for s in (-1, 1))
     lower[layout.states[0]] = upper[layout.states[0]] = problem.start / units.states
-    if problem.ramps and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in problem.limits.given):
+    if problem.ramps and (not OBJECTIVES[problem.objective].bounds_tip or "torque_rate" in problem.limits.by_kind):
         ends = layout.torques[[0, -1]]
         lower[ends] = upper[ends] = 0.0
     if layout.duration is not None:
@@ -118,14 +118,14 @@ def _bounds(t: Transcription, problem: SlewProblem, limits: Limits) -> dict[str,
 
 
 def _start(t: Transcription, guess: Guess) -> Array:
-    """First guess."""
+    """Return the initial values of the unknowns."""
     units, layout = t.units, t.layout
     x = np.zeros(layout.size)
     x[layout.states] = guess.states / units.states
     x[layout.torques] = guess.torques / units.torque
-    slopes = np.diff(guess.states, axis=0) / (guess.duration / t.intervals) / units.states * units.time
-    # one block of points a plant; the mean rate serves all points
-    x[layout.rates] = np.hstack([np.tile(slopes[:, own], t.points) for _, own in t.problem.parts])
+    rates = np.diff(guess.states, axis=0) / (guess.duration / t.intervals) / units.states * units.time
+    # one block of points per plant; the mean rate is used at all points
+    x[layout.rates] = np.hstack([np.tile(rates[:, own], t.points) for _, own in t.problem.parts])
     if layout.duration is not None:
         x[layout.duration] = guess.duration / units.time
     return x
@@ -134,36 +134,36 @@ def _start(t: Transcription, guess: Guess) -> Array:
 def _failure(
     t: Transcription, problem: SlewProblem, duration: float, x: Array, g: Array, arguments: dict[str, Array]
 ) -> tuple[str, float]:
-    """Return in words what is missed most, and when, and which limits are met; and the sum of all misses, scaled."""
-    said = problem.plants[0].with_unit
-    missed = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
-    rows = missed[: -len(t.ends)].reshape(t.intervals, -1)[:, t.defects :]
+    """Return a message on the largest violation and the active limits, and the sum of all scaled violations."""
+    with_unit = problem.plants[0].with_unit
+    violations = np.nan_to_num(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), nan=np.inf)
+    rows = violations[: -len(t.ends)].reshape(t.intervals, -1)[:, t.defects :]
     over = {}
-    for kind in problem.limits.beside_torque:
+    for kind in problem.limits.without_torque:
         worst = rows[:, [name == f"{kind}_limit" for name in t.names]].max(axis=1)
-        # limits of the motion are kept at the ends of intervals
+        # limits of the motion apply at the ends of intervals
         over[kind] = np.append(-np.inf, worst) if kind in problem.plants[0].rows else worst
-    words = {kind: f"{kind}_limit = {said(kind, f'{most:g}')}" for kind, most in problem.limits.given.items()}
+    words = {kind: f"{kind}_limit = {with_unit(kind, f'{most:g}')}" for kind, most in problem.limits.by_kind.items()}
     most = max(over, key=lambda kind: over[kind].max(), default="")
     what = "the end state cannot be reached"
     if most and over[most].max() > _SHOWN:
         what = f"{words[most]} is exceeded most at t = {np.argmax(over[most]) * duration / t.intervals:.4g} s"
-    met = {kind: each > -_NEAR for kind, each in over.items()}
+    met = {kind: near > -_NEAR for kind, near in over.items()}
     met["torque"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
-    shares = [
-        f"{words[kind]} is met from t = {np.argmax(each) * duration / t.intervals:.4g} s, for {np.mean(each):.0%} of the time"
-        for kind, each in sorted(met.items(), key=lambda item: -np.mean(item[1]))
-        if each.any()
+    active = [
+        f"{words[kind]} is met from t = {np.argmax(near) * duration / t.intervals:.4g} s, for {np.mean(near):.0%} of the time"
+        for kind, near in sorted(met.items(), key=lambda item: -np.mean(item[1]))
+        if near.any()
     ]
-    sentence = "; ".join([f"no slew of {duration:.6g} s was found: {what}", *shares])
-    return sentence, float(np.maximum(missed, 0.0).sum())
+    sentence = "; ".join([f"no slew of {duration:.6g} s was found: {what}", *active])
+    return sentence, float(np.maximum(violations, 0.0).sum())
 
 
 def prepare(problem: SlewProblem, intervals: int, points: int, guess: Guess) -> Transcription:
-    """Transcribe a problem on a mesh, in units of a guess; it serves any data."""
+    """Transcribe a problem on a mesh, in units of a guess; the program accepts any data."""
     sizes, tip = guess.sizes, 1.0
     if "tip" in problem.plants[0].rows:
         row = np.concatenate([plant.rows["tip"] for plant in problem.plants])
         tip = float(max(np.abs(row * sizes).max(), 1e-12))
     units = Units(sizes, problem.limits.torque, problem.duration or guess.duration, tip)
-    return transcribe(replace(problem, deadline=SlewDeadline()), intervals, points, units)  # it tells nobody
+    return transcribe(replace(problem, deadline=SlewDeadline()), intervals, points, units)  # without a callback
