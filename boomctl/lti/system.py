@@ -28,7 +28,9 @@ if TYPE_CHECKING:
         """Result of a synthesis, with a controller."""
 
         @property
-        def controller(self) -> control.StateSpace: ...
+        def controller(
+            self,
+        ) -> Any: ...  # A StateSpace; pyright does not accept cached properties of frozen dataclasses.
 
     Controller: TypeAlias = control.StateSpace | control.TransferFunction | Design
 

@@ -59,7 +59,9 @@ class SlewMachine(Protocol):
         """Energy of the deviation from steady rotation, J."""
         ...
 
-    def simulate(self, maneuver: Any, timepts: Any = None, **options: Any) -> Any:
+    def simulate(
+        self, maneuver: Any, timepts: Any = None, initial_state: Any = None, rtol: Any = None, atol: Any = None
+    ) -> Any:
         """Motion under a `TorqueProfile`: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
         ...
 
