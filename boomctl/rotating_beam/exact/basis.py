@@ -63,12 +63,12 @@ class StrainBasis:
 
     @property
     def bending(self) -> slice:
-        """Where the curvature coordinates stand."""
+        """Indices of the curvature coordinates."""
         return slice(1, 1 + (self.coordinates - 1) // 2)
 
     @property
     def stretching(self) -> slice:
-        """Where the stretch coordinates stand."""
+        """Indices of the stretch coordinates."""
         return slice(1 + (self.coordinates - 1) // 2, self.coordinates)
 
 
@@ -114,7 +114,7 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
 
 
 def _span_ends(parameters: HubBeamParameters) -> Array:
-    """Ends of the spans [m]; the tip mass, if any, stands at one of them."""
+    """Return the ends of the spans [m]; one of them is at the tip mass, if any."""
     inside = parameters.tip_mass > 0.0 and 0.0 < parameters._mass_position < parameters.length
     return np.array([0.0, *([parameters._mass_position] if inside else []), parameters.length])
 

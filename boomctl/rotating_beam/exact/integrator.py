@@ -5,8 +5,8 @@ The unknowns of a step are the velocities ``V_i`` at the stages; with ``Q_i = q_
     p(Q_i, V_i) - p_0 - h sum_j a_ij g(Q_j, V_j, t_j) = 0,
 
 where ``p`` is the momentum and ``g`` the force. Because positions and *momenta* are collocated, angular momentum is
-kept to rounding and energy without drift (Hairer, Lubich & Wanner 2006, IV.2.1 and IX.8); accelerations never appear.
-The steps are of equal length between the instants at which the drive is not smooth.
+conserved to rounding error and energy without drift (Hairer, Lubich & Wanner 2006, IV.2.1 and IX.8); accelerations never
+appear. The steps are of equal length between the times at which the drive is not smooth.
 """
 
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from boomctl.maneuvers import Maneuver, PrescribedMotion
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 
-STAGES = 4  # of the collocation, order 8: a choice
-_MAX_ITERATIONS = 15  # of Newton's method: a choice
+STAGES = 4  # Stages of the collocation, order 8.
+_MAX_ITERATIONS = 15  # Iterations of Newton's method.
 _SETTLED = 1e-15  # last correction times contraction, relative to the motion, at which a step is solved
 _NOISE = 1e-10  # relative corrections below this that no longer shrink are rounding
 _STALLED = 0.5  # contraction above which corrections no longer shrink
-_SLOW = 0.05  # contraction above which the frozen Jacobian is renewed: a choice
+_SLOW = 0.05  # contraction above which the frozen Jacobian is updated
 _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
-CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
+CHUNK = 500  # Mass matrices stored at once; bounds the memory.
 
 
 class StepFailedError(Exception):
@@ -58,26 +58,26 @@ def march(
     maneuver : PrescribedMotion or TorqueDriven
         Smooth over the steps.
     times : ndarray, k
-        Ends of the steps, equally far apart, s.
+        Ends of the steps, equally spaced, s.
     state : pair of ndarray, n
-        Coordinates and velocities at the first of them.
+        Coordinates and velocities at ``times[0]``.
 
     Returns
     -------
     Trajectory
-        At all of them.
+        States at ``times``.
 
     Raises
     ------
     StepFailedError
-        A step's equations did not converge.
+        If Newton's method does not converge in a step.
     """
     rule, (q, v) = gauss_method(STAGES), state
     h = (times[-1] - times[0]) / (times.size - 1)
-    instants = times[:-1, None] + h * rule.nodes
+    nodes = times[:-1, None] + h * rule.nodes
     prescribed = isinstance(maneuver, PrescribedMotion)
-    hub = np.stack([maneuver.angle(instants), maneuver.speed(instants)], 1) if prescribed else None
-    torque = None if prescribed else maneuver.torque(instants)
+    hub = np.stack([maneuver.angle(nodes), maneuver.speed(nodes)], 1) if prescribed else None
+    torque = None if prescribed else maneuver.torque(nodes)
     p = dynamics.momentum_and_force(q, v)[0]
     guess = np.tile(v, (rule.stages, 1))
     states, momenta = np.tile(q, (times.size, 1)), np.tile(p, (times.size, 1))

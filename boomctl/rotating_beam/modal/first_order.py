@@ -26,7 +26,7 @@ from boomctl.rotating_beam.modal.integrals import ModalIntegrals
 @final
 @dataclass(frozen=True)
 class FirstOrderEquations(Equations):
-    """Equations of motion of TLAM, SFOAM and FOAM, Eqs. (24)-(34), (40) and (42) of Bai et al. (2009), print mended.
+    """Equations of motion of TLAM, SFOAM, FOAM: Eqs. (24)-(34), (40), (42) of Bai et al. (2009), misprints corrected.
 
     With all the beam's coordinates in q, hub speed w and hub acceleration a the kinetic energy is
     ``T = 1/2 w^2 (J + 2 V q + q^T N q) + w (W q' + q^T B q') + 1/2 q'^T M q'``, B skew, and the equations are
@@ -65,7 +65,7 @@ class FirstOrderEquations(Equations):
 
     @cached_property
     def normal_form(self) -> NormalForm | None:
-        """With axial modes or damping there are terms that the form has no place for."""
+        """Form without axial modes and damping; None with either, whose terms it does not contain."""
         terms = self.beam_speed_terms
         if np.any(terms.G) or np.any(terms.C) or np.any(terms.K_a) or np.any(terms.f_w):
             return None

@@ -96,9 +96,9 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
     """
     p = parameters
     f1, f2 = axial_modes(modes, p.length), transverse_modes(modes, p.length)
-    line, mass, place = p.mass_per_length, p.tip_mass, p._mass_position
-    radius = p.hub_radius + place
-    at1, at2 = f1(place), f2(place)
+    line, mass, position = p.mass_per_length, p.tip_mass, p._mass_position
+    radius = p.hub_radius + position
+    at1, at2 = f1(position), f2(position)
 
     M1 = 0.5 * line * p.length * np.eye(modes) + mass * np.outer(at1, at1)
     M2 = line * p.length * np.eye(modes) + mass * np.outer(at2, at2)
@@ -109,8 +109,8 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
 
     x, weights = gauss_points(p.length, 0.5 * f2.wavenumbers[-1] * p.length)
     outside = line * (p.hub_radius * (p.length - x) + 0.5 * (p.length - x) * (p.length + x))
-    slopes = f2(x, 1)
-    D = slopes.T @ ((weights * outside)[:, None] * slopes) + mass * radius * f2.shortening(place)
+    derivatives = f2(x, 1)
+    D = derivatives.T @ ((weights * outside)[:, None] * derivatives) + mass * radius * f2.shortening(position)
     R = line * _overlap(f1, f2, x, weights) + mass * np.outer(at1, at2)
     C1, C2 = (_modal_damping(M, K, p.damping_ratio) for M, K in ((M1, K1), (M2, K2)))
     return ModalIntegrals(
@@ -121,7 +121,7 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
 
 
 def mass_points(parameters: HubBeamParameters, modes: int) -> MassPoints:
-    """Place the beam's mass in Gauss points that sum products of four slopes exactly to rounding.
+    """Place the beam's mass in Gauss points that sum products of four derivatives exactly to rounding.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ class FreeModes:
         Parameters
         ----------
         z, rate : ndarray, (1 + n) x k
-            Modal coordinates and rates at k instants.
+            Modal coordinates and rates at k times.
         torque : ndarray, k
             N m.
 
