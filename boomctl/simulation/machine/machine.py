@@ -1,4 +1,4 @@
-"""A nonlinear machine as a loop sees it: vibrations in closed form, and all that they leave out; one whose hub may rub."""
+"""Nonlinear machine in a loop: vibrations in closed form plus nonlinear terms; and a machine with hub friction."""
 
 from __future__ import annotations
 
