@@ -223,7 +223,7 @@ class IdentificationResult:
 
     @property
     def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
-        """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], degrees of freedom."""
+        """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], and dof."""
         result = {}
         for k, mode in enumerate(self.modes):
             frequency = mode.frequency_hz, *mode.frequency_prediction_interval_hz
@@ -474,7 +474,7 @@ def identify(
         inside = _inside(fit, ends)
     if not inside.any() or (wanted or 0) > inside.sum():
         raise ValueError(_no_mode(fit, wanted or 1, int(inside.sum()), low, high))
-    folded = fit.poles[inside & (fit.shares > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
+    folded = fit.poles[inside & (fit.energy_fractions > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
     if len(folded):
         raise ValueError(
             f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
@@ -493,8 +493,8 @@ def identify(
     if data.lengths:
         _said_of_feedback(fit)
     model = simple.with_real_directions(fit.data, _LOSS).structure(*names, tuple(QUANTITIES[kind] for kind in kinds))
-    shares = fit.shares / fit.shares.sum()
-    doubtful = np.any(np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None], axis=1)
+    fractions = fit.energy_fractions / fit.energy_fractions.sum()
+    ambiguous = np.any(np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None], axis=1)
     rows = tuple(
         _mode(
             fit.poles[k],
@@ -502,9 +502,9 @@ def identify(
             wider[k],
             simple.c[k],
             kinds,
-            shares[k],
+            fractions[k],
             _steadiness(fit.poles[k], result, len(orders)),
-            doubtful[k],
+            ambiguous[k],
         )
         for k in range(number)
     )
@@ -550,13 +550,13 @@ def _inside(fit: CommonPoles, ends: tuple[float, float]) -> Array:
     return (fit.poles.imag > 0.0) & (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
 
 
-def _no_mode(fit: CommonPoles, wanted: int, found: int, low: float, high: float) -> str:
+def _no_mode(fit: CommonPoles, wanted: int, tracks: int, low: float, high: float) -> str:
     noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
-    bare = not found and not fit.integrators and not len(fit.poles)
+    bare = not tracks and not fit.integrators and not len(fit.poles)
     turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
     remedy = "" if turned else "; a longer record, more excitation or another band would help"
     return (
-        f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {found}:"
+        f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {tracks}:"
         f" {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}{remedy}"
     )
 
@@ -583,18 +583,18 @@ def _merged(response: Any) -> Any:
     """
     omega = np.asarray(response.omega)
     order = np.argsort(omega, kind="stable")
-    place = np.append(0, np.cumsum(np.diff(omega[order]) > ALIKE * omega[order][1:]))
-    counts = np.bincount(place)
+    group = np.append(0, np.cumsum(np.diff(omega[order]) > ALIKE * omega[order][1:]))
+    counts = np.bincount(group)
     if hasattr(response, "deviation") or counts.max() == 1:
         return response
     G = np.asarray(response.frdata)[..., order]
-    groups = [G[..., place == k] for k in range(len(counts))]
+    groups = [G[..., group == k] for k in range(len(counts))]
     middle = np.stack([np.median(np.real(g), axis=-1) + 1j * np.median(np.imag(g), axis=-1) for g in groups], axis=-1)
-    apart = [np.square(np.abs(g - middle[..., [k]])).mean(axis=-1) / counts[k] for k, g in enumerate(groups)]
-    spread, size = np.sqrt(np.stack(apart, axis=-1)), np.maximum(np.abs(middle), np.finfo(float).tiny)
+    variances = [np.square(np.abs(g - middle[..., [k]])).mean(axis=-1) / counts[k] for k, g in enumerate(groups)]
+    spread, size = np.sqrt(np.stack(variances, axis=-1)), np.maximum(np.abs(middle), np.finfo(float).tiny)
     typical = np.median((spread / size)[..., counts > 1], axis=-1, keepdims=True)
     labels = {"inputs": response.input_labels, "outputs": response.output_labels}
-    merged = control.frd(middle, omega[order][np.append(0, np.flatnonzero(np.diff(place)) + 1)], **labels)
+    merged = control.frd(middle, omega[order][np.append(0, np.flatnonzero(np.diff(group)) + 1)], **labels)
     merged.deviation = np.hypot(spread, typical * size)
     merged.quantity = getattr(response, "quantity", ("displacement",) * len(middle))
     return merged
@@ -624,9 +624,9 @@ def _mode(
     wider: Array,
     c: Array,
     kinds: tuple[str, ...],
-    share: float,
+    fraction: float,
     orders: float,
-    doubtful: bool,
+    ambiguous: bool,
 ) -> IdentifiedMode:
     shape = c / np.array([pole ** QUANTITIES[kind] for kind in kinds])
     shape = shape / shape[np.argmax(np.abs(shape))]
@@ -636,7 +636,7 @@ def _mode(
     dampings = [(low, min(high, 1.0)) for low, high in (_factors(damping, half) for half in (step[0], wider[0]))]
     intervals = frequencies[0], dampings[0]
     return IdentifiedMode(
-        hz, damping, *intervals, shape, float(share), orders, frequencies[1], dampings[1], bool(doubtful)
+        hz, damping, *intervals, shape, float(fraction), orders, frequencies[1], dampings[1], bool(ambiguous)
     )
 
 
@@ -659,10 +659,10 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
     if frequency_range_hz is None:
         window = np.ones(_SMOOTH) / _SMOOTH
         power = np.array([np.convolve(np.square(np.abs(item)), window, mode="same") for item in U.T])
-        share = (power / power.max(axis=1, keepdims=True)).min(axis=0)
+        fraction = (power / power.max(axis=1, keepdims=True)).min(axis=0)
         driven = np.zeros(0, int)
         for least in _LOWEST:  # low-pass inputs leave few lines at the first
-            driven = np.flatnonzero(share > least)
+            driven = np.flatnonzero(fraction > least)
             if len(driven) and driven[-1] - driven[0] > least_lines * len(hz) / min(len(u) // 2 + 1 for u in record.u):
                 break
         if not len(driven):
@@ -692,9 +692,9 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
     return low, high
 
 
-def _steadiness(pole: complex, found: Any, orders: int) -> float:
-    """Return at which share of the orders a pole near this one stood."""
-    near = [len(t.orders) for t in found if abs(t.pole - pole) < -pole.real]
+def _steadiness(pole: complex, tracks: Any, orders: int) -> float:
+    """Return the fraction of the orders with a pole near this one."""
+    near = [len(t.orders) for t in tracks if abs(t.pole - pole) < -pole.real]
     return max(near, default=0) / orders
 
 

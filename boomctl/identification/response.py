@@ -22,9 +22,8 @@ _DEGREE = 2  # of the polynomials in frequency whose ratios response and transie
 _POLES = 2  # degree of their denominator
 _REGULAR = 1e-8  # Least singular value of columns of length one that are not taken for dependent.
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
-_INDEPENDENT = (
-    0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
-)
+# least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
+_INDEPENDENT = 0.01
 _BLOCKS = 12  # of frequencies, whose scatter gives the deviation of the lag
 _LEAST_LAG, _SURE = 0.15, 2.0  # ratio of lags from -1 (none) to 1 (half a sample): least absolute value, deviations
 _REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real but near resonances
@@ -219,9 +218,9 @@ def _intersample_of_outputs(record: Record) -> str | None:
     size = np.sqrt(np.square(np.abs(G)) + variance + np.finfo(float).tiny)
     held = G * np.exp(1j * half)
     row = np.sin(half) / size
-    instant = (held.imag / size * row).sum(axis=2) / np.square(row).sum(axis=2)
-    instant *= np.array([kind == "acceleration" for kind in record.quantity])[:, None]
-    held = held - instant[..., None] * np.expm1(1j * half)
+    feedthrough = (held.imag / size * row).sum(axis=2) / np.square(row).sum(axis=2)
+    feedthrough *= np.array([kind == "acceleration" for kind in record.quantity])[:, None]
+    held = held - feedthrough[..., None] * np.expm1(1j * half)
     real, late = ((x**2).real / (np.square(np.abs(x)) + variance + np.finfo(float).tiny) for x in (G, held))
     gain = (late - real).sum(axis=(0, 1))
     clear = np.square(np.abs(G) / size)

@@ -140,9 +140,9 @@ class Spectra:
         s, poles = self.s, poles[:, None]
         decay = np.exp(poles * self.step)
         if self.records:
-            apart = self._shift - decay
-            free = self._shift / np.sqrt(max(self.lengths)) / apart
-            free_slope = free * (self.step * decay) / apart
+            distance = self._shift - decay
+            free = self._shift / np.sqrt(max(self.lengths)) / distance
+            free_slope = free * (self.step * decay) / distance
         else:
             free = free_slope = np.zeros((0, len(s)))
         if not self.held:
@@ -150,9 +150,9 @@ class Spectra:
             return forced, np.square(forced), free, free_slope
         gain = np.expm1(poles * self.step) / poles
         gain_slope = (self.step * decay - gain) / poles
-        apart = self._shift - decay
-        forced = gain / apart
-        return forced, (gain_slope + forced * self.step * decay) / apart, free, free_slope
+        distance = self._shift - decay
+        forced = gain / distance
+        return forced, (gain_slope + forced * self.step * decay) / distance, free, free_slope
 
     def rows(self, above: tuple[Array, ...], below: tuple[Array, ...], derived: bool) -> Array:
         """Return what pairs of poles give by their `simple` responses, or its derivatives: (poles 2 (m + records), 2 n).
