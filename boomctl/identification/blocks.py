@@ -22,11 +22,11 @@ from boomctl.identification.measured import Measured
 from boomctl.printing import count
 
 _BLOCKS = 12  # Blocks of frequencies, wide enough for nearly uncorrelated errors.
-_FEWEST = 6  # blocks of which a deviation is known to a third; below, errors are taken for independent (a choice)
-_LINES = 2  # frequencies that a block has at least on the average (a choice)
+_FEWEST = 6  # Fewest blocks: a deviation is known to a third; with fewer, errors are treated as independent.
+_LINES = 2  # Fewest frequencies per block on average.
 _COMMON = 16.0  # Dof of the common variance that single variances are shrunk to.
 _REACH = 5  # Inverse of the largest lag of the correlation of residuals, relative to the number of frequencies.
-_ALONE = 0.999  # share of a combination that a block alone may say: the rest of the data must say something, too
+_ALONE = 0.999  # Largest leverage of a block on a combination: the rest of the data must contribute too.
 
 
 @dataclass(frozen=True)

@@ -9,18 +9,17 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.identification.spectra import Spectra, complex_of, real
 
-_STEPS = 40  # Gauss-Newton steps of a fit: ten do where the start is near (a choice)
+_STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
 _DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
-_FARTHEST = 1.0  # change of the logarithm of a decay rate, and of a frequency in rates, that a step may make (a choice)
+_FARTHEST = 1.0  # Largest change in a step of the logarithm of a decay rate, and of a frequency over the rate.
 _LEAST_DECAY = 1e-7  # Smallest decay rate relative to the frequency; a record does not determine smaller ones.
-# times the highest frequency: where the modes above the band are put (a choice; 1.5 to 4 give the same fit)
-_FAST = 2.0
+_FAST = 2.0  # Frequency of the modes above the band over its upper end; 1.5 to 4 give the same fit.
 _SLOW = 0.5  # Frequency of the modes below the band, relative to its lower end.
-_AROUND = 10.0  # lines to either side at least that errors around a resonance are taken from (a choice)
-_BLOCK = 64  # lines over which errors are taken for as large: a median of so many is known to a fifth (a choice)
+_AROUND = 10.0  # Fewest lines on either side of a resonance from which its errors are estimated.
+_BLOCK = 64  # Lines over which errors count as equally large: their median is accurate to a fifth.
 _RESONANCES = 3  # Resonances from which the error of the model is known.
 _PEAK = 2.0  # Lines to either side of a resonance at least, from which it is computed.
 _CLEAN = 1e-6  # of the energy of the outputs: of residuals that have more, rounding of products is a negligible part

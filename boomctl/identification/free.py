@@ -10,8 +10,8 @@ from boomctl.arrays import Array
 from boomctl.checks import known, mapping, names, real
 from boomctl.structure.families import Family, interval
 
-_AROUND = 2.0  # factor up and down within which starts are drawn where no range is given (a choice)
-_FAR = 1e4  # factor up and down, without a range, within which the end of an interval is looked for (a choice)
+_AROUND = 2.0  # Factor up and down within which starts are drawn for a parameter without a range.
+_FAR = 1e4  # Factor up and down within which the end of an interval is searched without a range.
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,8 @@ from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
-_STEPS = 10.0 ** -np.arange(
-    3.0, 12.0
-)  # Step sizes; the derivative at the step that agrees best with the next one is used.
+# Step sizes; the derivative at the step that agrees best with the next one is used.
+_STEPS = 10.0 ** -np.arange(3.0, 12.0)
 _TESTED_STEPS = 6  # Number of steps for testing a combination that the Jacobian does not resolve.
 _MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero

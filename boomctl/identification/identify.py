@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-_SMOOTH = 31  # lines over which powers are averaged for that (a choice)
+_SMOOTH = 31  # Lines over which the powers of inputs are averaged to determine the band.
 _LOWEST = tuple(EXCITED * 10.0**-k for k in range(5))  # least power of an input in the band over its largest, in turn
-_TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which they move together (a choice)
-_TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
-_EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain them, though without modes (a choice)
-_FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
+_TOGETHER = 1e-4  # Least eigenvalue of the inputs' correlation; below it the inputs are dependent.
+_TOP = 0.98  # Highest frequency over half the sampling rate: above it, filters and aliasing dominate.
+_EXPLAINED = 50.0  # Residual [% of the outputs] below which the inputs explain the outputs, though without modes.
+_FOLDED, _LARGE = 0.95, 0.2  # Aliased poles: least frequency over half the sampling rate, least fraction of the energy.
 _ORDERS = 11  # Number of orders, from half to the highest.
-_HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
+_HIGHEST = 60  # Default order: about three times the expected number of modes.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
 _QUIET = 0.2  # RMS of the held-back outputs over those that are fitted, below which the fit is not checked.
 _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
-_LOSS = 1.0  # points of the fit that a structure may cost (a choice)
+_LOSS = 1.0  # Largest loss of fit [%] by the conversion to a structure.
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
 _LATER = 3  # Excluded lags: the band correlates neighbors.
 

@@ -15,9 +15,9 @@ QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """What an output is, and how often a displacement was differentiated for it."""
 INTERSAMPLE = ("bl", "zoh")
 """Inputs between samples: band-limited or zero-order hold."""
-EXCITED = 1e-3  # of the largest power of an input: less says nothing (3 % of its amplitude; a choice)
-_FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
-_STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
+EXCITED = 1e-3  # Least power of an input over its largest, to count as excited: 3 % of its amplitude.
+_FEWEST = 32  # Fewest samples of a record.
+_STILL = 16  # Constant samples in a row, within a record that changes, that count as a gap.
 _LEVELS = 16  # Largest number of values of a coarse signal, which may be at its limits without saturation.
 _CLIPPED = 5  # least ratio of samples at a limit to samples at the value next to it, of a signal cut off
 _FAST, _UNIFORM, _FEW_VISITS = 2.9, 2.3, 3  # largest ratios of distances before a limit, of many and of few visits

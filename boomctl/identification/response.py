@@ -22,8 +22,7 @@ _DEGREE = 2  # of the polynomials in frequency whose ratios response and transie
 _POLES = 2  # degree of their denominator
 _REGULAR = 1e-8  # Least singular value of columns of length one that are not taken for dependent.
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
-# least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
-_INDEPENDENT = 0.01
+_INDEPENDENT = 0.01  # Least singular value of a local fit's unit columns: the result loses two digits.
 _BLOCKS = 12  # of frequencies, whose scatter gives the deviation of the lag
 _LEAST_LAG, _SURE = 0.15, 2.0  # ratio of lags from -1 (none) to 1 (half a sample): least absolute value, deviations
 _REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real but near resonances

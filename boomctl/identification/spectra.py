@@ -10,8 +10,8 @@ from boomctl.arrays import Array
 from boomctl.identification.record import Record
 from boomctl.lti.python_control import control
 
-_HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
-_FREQUENCIES = 8  # of a response in the band: least that show a mode on a background
+_HEAVIEST = 100.0  # Largest weight of a row of a measured response, relative to the median weight.
+_FREQUENCIES = 8  # Fewest frequencies of a response in the band, to determine a mode on a background.
 FEWEST = 24  # lines in the band for each input: fewer do not determine a mode with its background.
 # Powers of frequency, from -1 (a drift) on, for the effect of the ends of a record, in addition to free motions.
 _EDGES = 5

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
 
     from boomctl.identification.response import FrequencyResponseEstimate
 
-_MAX_ORDER = 12  # poles: more of them follow single frequencies, and the roots of polynomials lose digits (a choice)
-_POLE_RATIO = 1.5  # ratio of the poles above the highest frequency, so that each has a residue of its own (a choice)
+_MAX_ORDER = 12  # Most poles: more follow single frequencies, and the roots of the polynomials lose accuracy.
+_POLE_RATIO = 1.5  # Ratio of the poles above the highest frequency, so that their residues are separate.
 # Magnitudes below this fraction of the largest one are rounded up to it for the fit.
 _SMALL = 1e-3
-_BEYOND = np.geomspace(1.0, 1e3, 101)[1:]  # beyond the frequencies: from there on a band is what it is at its limit
+_BEYOND = np.geomspace(1.0, 1e3, 101)[
+    1:
+]  # Frequencies beyond the band over its limits; further out a filter is at its asymptote.
 
 
 @one_blas_thread

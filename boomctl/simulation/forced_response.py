@@ -31,14 +31,14 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_FIRST_MODES, _FIRST_ORDER = 13, 3  # of the first projection: undamped modes, and order of its static responses
-_COMPLETE = 40  # number of coordinates up to which all modes are used: a projection would have as many
-_FEWER_MODES = 11  # number of undamped modes of the projection with which it is compared
-_GROWTH = 1.6  # ratio of the numbers of modes of successive projections
-_MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
-_STORED = 1e-11  # relative error of a structure's response by rounding of its stored rows
-_UNITS = 100.0  # ratio of an error estimate to the change of a response by one unit of rounding of each entry
-_ROUNDING = 30.0  # ratio of an error estimate to the difference of two responses by rounding
+_FIRST_MODES, _FIRST_ORDER = 13, 3  # First projection: number of undamped modes, order of the static responses.
+_COMPLETE = 40  # Coordinates up to which all modes are used: a projection would have as many.
+_FEWER_MODES = 11  # Undamped modes of the projection with which the first one is compared.
+_GROWTH = 1.6  # Ratio of the numbers of modes of successive projections.
+_MARGIN = 3.0  # Ratio of an error estimate to the difference of the responses of two projections.
+_STORED = 1e-11  # Relative error of a structure's response by rounding of its stored rows.
+_UNITS = 100.0  # Ratio of an error estimate to the change of a response by one unit of rounding of each entry.
+_ROUNDING = 30.0  # Ratio of an error estimate to the difference of two responses by rounding.
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from boomctl.structure.response.poles import damper_forces, with_statics
 if TYPE_CHECKING:
     import control
 
-_MODES = 60  # largest number of undamped modes of a structure: five times those in the band of a suspension
+_MODES = 60  # Most undamped modes of a structure: five times the number in the band of a suspension.
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from boomctl.arrays import Array
 from boomctl.gauss import integrated_legendre, lagrange_integrals
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-EXTRA_NODES = 10  # of the quadrature beyond the polynomials on a span, as energy is not a polynomial: a choice
+EXTRA_NODES = 10  # Quadrature nodes in addition to the polynomials on a span, as the energy is not a polynomial.
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 
-_SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is not linearized about; a choice
+_SOFTEST = 0.1  # Least stiffness at a hub speed, relative to the lowest at rest, for linearization about this speed.
 
 
 @final
