@@ -169,7 +169,7 @@ class AssumedModesBeam(HubBeam):
         hub_speed : (float, float) or float
             Least and largest hub speed [rad/s]; a number: that speed alone.
         tip_mass : (float, float), optional
-            Least and largest point mass [kg]; by default that of the parameters.
+            Least and largest point mass [kg]; by default the mass of the parameters.
         sensors : sequence of BeamSensor
             Further outputs; none of acceleration.
         **ranges : (float, float)
@@ -178,9 +178,9 @@ class AssumedModesBeam(HubBeam):
         Returns
         -------
         PolynomialFamily
-            With the parameters ``"hub_speed"``, ``"tip_mass"`` and those named, inputs and outputs as in `simulate_loop`
-            but for ``"tip_acceleration"``, and the states by their names; for :func:`boomctl.robust_stability` and its
-            like.  Proofs leave the hub angle out, an integrator, where the controller does not read it.
+            Family over ``"hub_speed"``, ``"tip_mass"`` and the named parameters, with inputs and outputs as in
+            `simulate_loop` except ``"tip_acceleration"``, and the states by name; for example for
+            :func:`boomctl.robust_stability`.  Proofs omit the hub angle, an integrator, if the controller does not read it.
 
         Raises
         ------
@@ -269,7 +269,7 @@ class AssumedModesBeam(HubBeam):
     def to_casadi(self) -> casadi.Function:
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
 
-        States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
+        States and outputs as in `to_nlsys`; symbolic, hence differentiable to any order.
 
         Returns
         -------

@@ -1,6 +1,6 @@
 """Common interface of all models of the hub-beam.
 
-A model is a final subclass of :class:`HubBeam` in a file of its own; ``assumed_modes`` enters all of them in :data:`MODELS`.
+A model is a final subclass of :class:`HubBeam` in a separate file; ``assumed_modes`` registers all models in :data:`MODELS`.
 """
 
 from __future__ import annotations
@@ -536,7 +536,7 @@ class HubBeam(ABC):
     def _tolerance(
         self, maneuver: Maneuver, initial: ArrayLike | None, rtol: float | None, atol: float | None
     ) -> tuple[float, float]:
-        """Return what keeps the accuracy for which the beam was chosen, in its maneuver; else what is usual."""
+        """Return the tolerance of the beam's selection in its maneuver, otherwise the default tolerance."""
         chosen, usual = self.selection, _TOLERANCE
         if chosen is not None and initial is None and maneuver == chosen.maneuver:
             usual = chosen.rtol, chosen.atol
@@ -606,7 +606,7 @@ class HubBeam(ABC):
             for index, name in ((0, "angle"), (size, "speed")):
                 prescribed = float(getattr(maneuver, name)(0.0))
                 difference = abs(state[index] - prescribed)
-                # an initial hub angle or speed is the maneuver's but for rounding, relative or in rad, rad/s
+                # an initial hub angle or speed equals the maneuver's to rounding error, relative or in rad, rad/s
                 if initial is not None and difference > SUMMED * max(1.0, abs(prescribed)):
                     raise ValueError(
                         f"initial hub {name} = {exactly(state[index])}: expected {exactly(prescribed)}, as "
@@ -747,12 +747,12 @@ def _initial_state(value: ArrayLike, size: int) -> Array:
 
 
 def natural_hz(mass: Array, stiffness: Array) -> Array:
-    """Natural frequencies of a positive definite pair, by its periods, ascending [Hz]."""
+    """Return the natural frequencies of a positive definite pair, ascending [Hz], computed from its periods."""
     from scipy.linalg import eigh
 
     return 1.0 / (2.0 * np.pi * np.sqrt(eigh(mass, stiffness, eigvals_only=True)[::-1]))
 
 
 def lowest_rate(mass: Array, stiffness: Array) -> float:
-    """The lowest of them, rad/s: where the mass turns round a hub, the speed at which the stiffness is lost."""
+    """Return the lowest natural frequency, rad/s; for a mass on a rotating hub the speed at which the stiffness is lost."""
     return 2.0 * np.pi * float(natural_hz(mass, stiffness)[0])

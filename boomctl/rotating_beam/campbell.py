@@ -93,20 +93,19 @@ class CampbellDiagram:
         return f"CampbellDiagram: {self.model}, {modes}, {span}{lost}\n  critical speeds: {listed(met)}"
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
-        """Draw the frequencies over the hub speed, its multiples, and circles where they meet.
+        """Draw the frequencies over the hub speed, its multiples, and circles at the critical speeds.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.  On a diagram that is there already the multiples are not
-            drawn again.
+            Axes; by default a new figure of pyplot.  The multiples are not drawn again on axes that already have a diagram.
         **style
-            Of the frequencies, as matplotlib's lines take it.
+            Line properties of matplotlib for the frequencies.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            Axes drawn on.
         """
         return import_module("boomctl.plotting.rotating_beam").plot_campbell(self, ax, **style)
 
@@ -114,7 +113,7 @@ class CampbellDiagram:
 def campbell_diagram(
     model: str, frequencies: Callable[[float], Array], speeds: Array, orders: tuple[float, ...], lost: float
 ) -> CampbellDiagram:
-    """Return a diagram from a function that returns the frequencies at a hub speed [Hz], at speeds below ``lost``."""
+    """Return a diagram from a function that returns the frequencies [Hz] at a hub speed below ``lost``."""
     from scipy import optimize  # long to import
 
     values = np.array([frequencies(float(speed)) for speed in speeds])
@@ -122,8 +121,8 @@ def campbell_diagram(
     for order in orders:
         difference = values - order * speeds[:, None] / _TURN
         for mode in range(values.shape[1]):
-            met = np.flatnonzero(difference[:, mode] == 0.0)
-            roots = [float(speeds[k]) for k in met if speeds[k] > 0.0]
+            zeros = np.flatnonzero(difference[:, mode] == 0.0)
+            roots = [float(speeds[k]) for k in zeros if speeds[k] > 0.0]
 
             def gap(speed: float, order: float = order, mode: int = mode) -> float:
                 return float(frequencies(speed)[mode] - order * speed / _TURN)

@@ -97,7 +97,7 @@ def hub_beam(
         after the maneuver may be far smaller, and its relative error larger. The beam's `selection` lists the tested
         candidates; ``simulate`` has this accuracy in this maneuver by default.
     maneuver : PrescribedMotion or TorqueDriven, optional
-        As for ``simulate``; goes with `accuracy`.
+        As for ``simulate``; required with `accuracy`.
     timepts : float or array_like, optional
         Time until which the accuracy holds [s]; the last one of an array. By default five periods of the slowest mode after
         the last breakpoint of the maneuver.

@@ -89,10 +89,10 @@ class SimulationResult(TimeSeries):
     tip_displacement : ndarray
         Transverse displacement v of the free end x = L in the hub's frame, m.
     tip_extension : ndarray
-        Extension w_1 of the beam at x = L (what Figs. 5b and 6b of Bai et al. (2009) show), m; zero for models without
-        it. The free end moves axially by ``tip_extension + foreshortening`` in the hub's frame.
+        Extension w_1 of the beam at x = L, as in Figs. 5b and 6b of Bai et al. (2009), m; zero for models without axial
+        modes. The free end moves axially by ``tip_extension + foreshortening`` in the hub's frame.
     foreshortening : ndarray
-        Axial displacement w_c at x = L that goes with bending at constant length, Eq. (3), m; <= 0, and zero for TLAM.
+        Axial displacement w_c at x = L due to bending at constant length, Eq. (3), m; <= 0, and zero for TLAM.
     hub_angle, hub_speed, hub_acceleration : ndarray
         Motion of the hub, rad, rad/s, rad/s^2.
     torque : ndarray
@@ -203,7 +203,7 @@ class SimulationResult(TimeSeries):
 
     @property
     def foreshortening(self) -> Array:
-        """Axial displacement w_c at x = L that goes with bending at constant length, m."""
+        """Axial displacement w_c at x = L due to bending at constant length, m."""
         return self._details.foreshortening
 
     @property

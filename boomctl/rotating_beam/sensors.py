@@ -39,7 +39,7 @@ class BeamSensor:
         Distance from the clamp along the undeformed beam, m.
     height : float or None
         Distance of the strain gauge from the neutral axis, m, to the side to which displacements are positive; only for
-        "strain", which is that of the axis less ``height`` times the curvature.
+        "strain", which is the strain of the axis less ``height`` times the curvature.
 
     Raises
     ------

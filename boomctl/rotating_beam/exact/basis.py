@@ -24,7 +24,7 @@ EXTRA_NODES = 10  # Quadrature nodes in addition to the polynomials on a span, a
 
 @dataclass(frozen=True, eq=False)
 class StrainBasis:
-    """Rows of a discretised beam over the coordinates ``q = (theta, curvatures, stretches)``.
+    """Rows of a discretized beam over the coordinates ``q = (theta, curvatures, stretches)``.
 
     Node 0 is the hub: its "tangent" ``e^{i theta}`` carries the hub radius, so that hub and beam need no
     separate formulas. The others are Gauss-Legendre nodes of the spans.
@@ -73,7 +73,7 @@ class StrainBasis:
 
 
 def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
-    """Discretise the beam with ``modes`` Legendre polynomials of curvature and of stretch on each span.
+    """Discretize the beam with ``modes`` Legendre polynomials of curvature and of stretch on each span.
 
     Parameters
     ----------

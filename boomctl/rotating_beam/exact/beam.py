@@ -83,7 +83,7 @@ class GeometricallyExactBeam(HubBeam):
 
     @cached_property
     def _basis(self) -> StrainBasis:
-        """The discretised beam."""
+        """Discretized beam."""
         return strain_basis(self.parameters, self.modes)
 
     @cached_property
@@ -154,10 +154,10 @@ class GeometricallyExactBeam(HubBeam):
         return q[1:]
 
     def _linearized(self, speed: float) -> tuple[Array, Array, Array]:
-        """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearisation`."""
+        """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearization`."""
         q, v = np.append(0.0, self._steady_coordinates(speed)), np.zeros(self._size)
         v[0] = speed
-        return self.dynamics.linearisation(q, v)
+        return self.dynamics.linearization(q, v)
 
     def _small_motion(self, speed: float) -> SmallMotion:
         mass, coupling, stiffness = self._linearized(speed)

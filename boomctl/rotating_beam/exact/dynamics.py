@@ -88,7 +88,7 @@ class ExactBeamDynamics:
         force[0] += torque
         return np.linalg.solve(self.mass_matrix(q), force)
 
-    def linearisation(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    def linearization(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Derivatives of momentum and force: ``dp/dv = M``, ``dp/dq`` and ``-dg/dq = d^2(U - T)/dq^2``.
 
         ``dg/dv`` is the transpose of ``dp/dq`` less the damping. Small motion about a steady rotation obeys

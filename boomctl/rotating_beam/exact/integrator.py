@@ -31,7 +31,7 @@ CHUNK = 500  # Mass matrices stored at once; bounds the memory.
 
 
 class StepFailedError(Exception):
-    """The equations of one step did not converge: the step is too long."""
+    """No convergence in one step: the step is too long."""
 
 
 @final
@@ -96,7 +96,7 @@ def march(
             first=1 if prescribed else 0,
         )
         frozen = step.frozen_inverse(guess) if frozen is None else frozen
-        # in turn: the Jacobian of an earlier step, cheap; a fresh one in each iteration; that from the calm start
+        # in this order: the Jacobian of an earlier step, inexpensive; a new one in each iteration; a new one from a calm start
         solved = step.solve(guess, frozen) or step.solve(guess, None) or step.solve(step.calm_guess(), None)
         if solved is None:
             raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
@@ -177,12 +177,12 @@ class _Step:
     def frozen_inverse(self, guess: Array) -> Array:
         """Inverse of the Jacobian with the same matrices at all stages: those in the middle of the step."""
         middle = guess.mean(axis=0)
-        one = self.dynamics.linearisation(self.q + 0.5 * self.h * middle, middle)
+        one = self.dynamics.linearization(self.q + 0.5 * self.h * middle, middle)
         return self._inverse(*(np.broadcast_to(m, (self.rule.stages, *m.shape)) for m in one))
 
     def jacobian_inverse(self, velocities: Array) -> Array:
         """Inverse of the exact Jacobian over all stages."""
-        return self._inverse(*self.dynamics.linearisation(*self.stages(velocities)))
+        return self._inverse(*self.dynamics.linearization(*self.stages(velocities)))
 
     def _inverse(self, mass: Array, coupling: Array, stiffness: Array) -> Array:
         a, h, own = self.rule.A, self.h, slice(self.first, None)

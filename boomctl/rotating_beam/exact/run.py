@@ -186,7 +186,9 @@ def run_to_tolerance(
         except _TooManyError:
             break
         if previous is not None:
-            difference = here.distance(previous)  # the error of twice the step, which is more than that of this one
+            difference = here.distance(
+                previous
+            )  # the error with twice the step, an upper bound on the error of this run
             stuck = stuck + 1 if difference > _STUCK * error else 0
             error = difference
             if error <= atol + rtol * here.largest(radius):

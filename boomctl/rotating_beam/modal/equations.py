@@ -112,16 +112,16 @@ class FreeHubForm(NamedTuple):
         Of everything, undeformed, kg m^2.
     to_q : ndarray, n x n
     lean : ndarray, n
-        Hub angle that goes with x where the angular momentum is zero.
+        Hub angle over x at zero angular momentum.
     softest : float
         Lowest eigenvalue of the stiffness, rad^2/s^2.
     stiffness, slope, gyro, damping : ndarray, n x n
         The third is skew.
     axial : ndarray, n
     keeps_inertia_torque : bool
-        Whether the last term of h is there.
+        True if h has its last term.
     has_axial : bool
-        Whether `gyro` and `axial` are there at all.
+        True if the model has axial modes, with the terms `gyro` and `axial`.
     decay : float
         Largest decay rate of any motion, 1/s; 0 without damping.
     """

@@ -64,7 +64,7 @@ class Moved(NamedTuple):
     beam : casadi.SX
         Of the beam's coordinates.
     rest : casadi.SX
-        Modal accelerations less those of the linear vibration.
+        Modal accelerations without the linear vibration.
     margin : casadi.SX
         Positive where the mass matrix is positive definite.
     """
@@ -224,7 +224,7 @@ def linearized(modes: MachineModes, state: Array) -> Lti:
 
 
 def shape_points(parameters: HubBeamParameters, count: int, *, axial: bool, shortening: bool) -> PointMap:
-    """Return the points of a beam of assumed modes: axial coordinates, if there are, then transverse ones."""
+    """Return the point map of a beam of assumed modes, over axial coordinates, if any, then transverse coordinates."""
     import casadi as ca
 
     p = parameters
@@ -248,7 +248,7 @@ def first_order_law(equations: FirstOrderEquations) -> Law:
     """Return TLAM, SFOAM or FOAM in modal coordinates, the accelerations in closed form.
 
     With ``j = 2 V x + x^T N x`` and ``c = -B x`` in modes, h the hub's right side and g the beam's, hub acceleration a and
-    ``s = c x''`` obey two linear equations; the derivation is that of `motion.free_modes`, forces on the tip added.
+    ``s = c x''`` obey two linear equations, as in `motion.free_modes`, with forces on the tip.
     """
 
     def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Point) -> Moved:
@@ -260,7 +260,7 @@ def first_order_law(equations: FirstOrderEquations) -> Law:
         w = _row(modes.V[0], rate)
         square, bent = w * w, _times(N, x)
         back = ca.DM(modes.squares) * x
-        # the beam's right side, less that of the linear vibration
+        # the beam's right-hand side without the linear vibration
         g = square * bent + force * ca.DM(P.T @ e.tip.transverse)
         hub = torque + force * tip.along
         if np.any(e.C):

@@ -56,7 +56,7 @@ class ModalIntegrals:
 
 @dataclass(frozen=True)
 class MassPoints:
-    """The beam's mass in Gauss points, and the point mass as one more: what integrals of fourth order are summed over.
+    """Mass of the beam at Gauss points and the point mass, for sums that represent integrals of fourth order.
 
     Attributes
     ----------
@@ -82,10 +82,10 @@ class MassPoints:
 def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals:
     """Compute the modal integrals to 1e-12 or better for up to 200 modes.
 
-    All entries are as exact relative to themselves, but for those of D far off the diagonal, which are small
-    differences: they are relative to ``sqrt(D_ii D_jj)``.
+    The accuracy is relative to each entry, except for entries of D far from the diagonal, which are small differences: it
+    is relative to ``sqrt(D_ii D_jj)``.
 
-    ``M, K, V, S`` have closed forms, as has R but for its diagonal; that and D are summed over Gauss points, with the
+    ``M, K, V, S`` and R except its diagonal have closed forms; the diagonal and D are summed over Gauss points, with the
     order of integration in D swapped: ``D = int f_2'^T f_2' [int_x^L rhoA (r_A + s) ds] dx``.
 
     Parameters

@@ -18,7 +18,7 @@ Pair = tuple[Array, Array]
 
 
 class SteadyRotation(NamedTuple):
-    """Motion of the beam at a constant hub speed, exact but for rounding.
+    """Motion of the beam at a constant hub speed, exact to rounding error.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ def steady_rotation(terms: BeamSpeedTerms, maneuver: PrescribedMotion) -> Steady
 def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> Pair:
     """Rows from coordinates and from rates to the amplitudes of the modes at the free end, n x n each.
 
-    Modes are those of ``K + w^2 K_w`` without damping and gyroscopic terms; one without stiffness counts with 1 rad/s.
+    Modes of ``K + w^2 K_w`` without damping and gyroscopic terms; a mode without stiffness counts with 1 rad/s.
 
     Parameters
     ----------
