@@ -110,10 +110,10 @@ def conditioning_gains(laws: Sequence[Lti], limited: Array, softening: float = 0
         return none, True
     own = max(float(np.abs(np.linalg.eigvals(K.A)).max()) for K in laws)
     rate = _rate(own)
-    standing = len(laws) > 1 and not bounded(laws, none, [()], rate)
+    frozen = len(laws) > 1 and not bounded(laws, none, [()], rate)
     gains, sets = np.array([_kalman_gain(K, limited, softening) for K in laws]), _limit_sets(limited)
-    proved = bounded(laws, gains, sets, rate, standing)
-    proved = proved or (rate > 1.0 and bounded(laws, gains, sets[-1:], 1.0, standing))
+    proved = bounded(laws, gains, sets, rate, frozen)
+    proved = proved or (rate > 1.0 and bounded(laws, gains, sets[-1:], 1.0, frozen))
     return (gains, True) if proved else (none, False)
 
 
@@ -144,7 +144,7 @@ def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:
 
 
 def bounded(
-    laws: Sequence[Lti], gains: Array, subsets: Iterable[Sequence[int]], rate: float = 1.0, standing: bool = False
+    laws: Sequence[Lti], gains: Array, subsets: Iterable[Sequence[int]], rate: float = 1.0, frozen: bool = False
 ) -> bool:
     """Return True if corrected controllers are proved to grow by less than a factor per sample.
 
@@ -156,13 +156,13 @@ def bounded(
         Sets of controls at their limits.
     rate : float
         The factor.  With 1 the controllers are bounded.
-    standing : bool
+    frozen : bool
         Prove each controller separately, for a constant scheduling signal; otherwise one Lyapunov matrix proves all of
         them, for any change of the signal.
     """
     for S in subsets:
         V, error_bound = _corrected(laws, gains, list(S))
-        parts = [slice(k, k + 1) for k in range(len(laws))] if standing else [slice(None)]
+        parts = [slice(k, k + 1) for k in range(len(laws))] if frozen else [slice(None)]
         if not all(_contracting(V[part], error_bound[part], rate) for part in parts):
             return False
     return True

@@ -54,7 +54,7 @@ class ModalPlant(Lti):
     """Linear plant and its exact motion over a step, in coordinates ``z = from_state x`` of its states.
 
     ``state_labels`` are the names of the states before a structure is projected onto its modes, for messages about a
-    loop that reads one of them.  ``units`` are those of the signals that have known units.
+    loop that reads one of them.  ``units`` are the known units of the signals.
     """
 
     from_state: Array = field(kw_only=True)

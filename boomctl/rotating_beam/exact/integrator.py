@@ -96,7 +96,7 @@ def march(
             first=1 if prescribed else 0,
         )
         frozen = step.frozen_inverse(guess) if frozen is None else frozen
-        # in this order: the Jacobian of an earlier step, inexpensive; a new one in each iteration; a new one from a calm start
+        # in this order: the inexpensive Jacobian of an earlier step; a new one in each iteration; a calm start
         solved = step.solve(guess, frozen) or step.solve(guess, None) or step.solve(step.calm_guess(), None)
         if solved is None:
             raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
