@@ -1,10 +1,10 @@
 """Covariance of parameters from blocks of the data or from data sets, instead of a formula for white noise.
 
-Errors of neighboring frequencies, and what a model does not explain, are no independent numbers.  A block of frequencies
-that is left out moves the parameters by what all of its errors do together; how much the blocks differ in this is the
-deviation of the parameters (a jackknife, by one Gauss-Newton step each).  Where few blocks say something of a parameter,
-this is known badly, so that it is drawn towards what all residuals say, with the correlation of neighbors that they have.
-Of several data sets, such as days, the parameters of each tell.
+Errors of neighboring frequencies, and errors of the model, are correlated.  Omitting a block of frequencies changes the
+parameters by the joint effect of its errors; the scatter of these changes gives the deviation of the parameters (a jackknife,
+by one Gauss-Newton step each).  If few blocks contain information on a parameter, this deviation is inaccurate; it is shrunk
+towards the deviation by all residuals with their correlation.  For several data sets, such as days, the scatter of the
+parameters of the data sets is used.
 
 Sources: Bell & McCaffrey (2002), Survey Methodology 28 (dof of blocks); Newey & West (1987), Econometrica 55
 (correlated residuals); Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3 (shrinkage of standard deviations).
@@ -49,7 +49,7 @@ class Spread:
 
 
 def of_sets(estimates: Array) -> Spread:
-    """Return the spread of what another data set would say, of what each one says (sets, p)."""
+    """Return the spread of estimates from another data set, from the estimates of each data set (sets, p)."""
     size = len(estimates)
     result = np.atleast_2d(np.cov(estimates.T, ddof=1)) * (1.0 + 1.0 / size)
     source = f"how much {count(size, 'data set')} differ: they hold for another one"
@@ -57,9 +57,9 @@ def of_sets(estimates: Array) -> Spread:
 
 
 def of_blocks(jacobian: Array, residuals: Array, data: Measured, identified: IdentifiedSubspace) -> Spread | None:
-    """Return the spread that blocks of frequencies show, None where there are too few of them.
+    """Return the spread from blocks of frequencies, None if there are too few blocks.
 
-    Blocks are neighbors, each with about the same say in the parameters.
+    Blocks are contiguous, each with about the same information on the parameters.
     """
     if data.omega is None or not identified.rank:
         return None

@@ -91,45 +91,45 @@ def fit(
     seed: int = 0,
     progress: Listener | None = None,
 ) -> FitResult:
-    """Fit parameters of a model to measurements, and say how sure they are.
+    """Fit parameters of a model to measurements, with confidence intervals.
 
     Parameters
     ----------
     model : callable or Family
-        A function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or one's own.  It
-        returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
+        Function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or a user's function.  It
+        returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or data of the measured kind:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
         all of them once, ascending).  Parameters for which it raises ValueError or ArithmeticError are not searched.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
-        singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
-        values where there is no phase.  ``measured.kind`` of the result says which.
-        A list of such: several data sets of one kind, such as days.
+        singular values (magnitudes).  A curve with phase is fitted as a complex response, a curve without phase as singular
+        values; ``data.kind`` of the result states the kind.
+        A list of these: several data sets of one kind, such as days.
     free : names, or mapping from names to (low, high) or None
-        Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
-        family all are fitted by default.
+        Names of the parameters that are fitted. A range limits the search, and further starts are drawn from it. By default
+        all parameters of a family.
     initial : dataclass or mapping, optional
-        The parameters to begin from, those that stay among them.  By default the middle of a family, or of the ranges.
+        Initial parameters, including fixed ones.  By default the midpoint of a family, or of the ranges.
     modes : sequence of int, optional
-        Which mode of the model each eigenfrequency is, from 1.  If None, the nearest ones, because the measurement may lack
-        modes. The same for all data sets.
+        Mode number of each eigenfrequency, from 1.  If None, the nearest modes, because the measurement may lack modes. The
+        same for all data sets.
     weights : array_like, optional
         Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
         response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
-        0 leaves a value out.  Of several data sets the same for all.
+        0 excludes a value.  The same for all data sets.
     error_model : "relative" or "absolute"
-        "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
+        "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
     error_std : float, optional
-        Standard deviation of the errors of weight 1, where it is known; of complex values, of each part.  By default it
-        is estimated from the residuals.
+        Standard deviation of the errors of weight 1, if known; for complex values, of each part.  By default it is estimated
+        from the residuals.
     confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     inputs, outputs : str or sequence of str, optional
-        Signals of the model between which was measured.  By default those of the measured data, where the model has
-        them, else the model's own (of a boom, platform actuators and tips).
+        Measured inputs and outputs of the model.  By default the signals of the data, if the model has them, else the model's
+        signals (platform actuators and tips for a boom).
     n_starts : int
-        Number of starts of the search; the first is the one given, the others are drawn.
+        Number of starts of the search; the first is ``initial``, the others are drawn.
     seed : int
         Seed of the further starts, which are drawn at random.
     progress : callable, optional
@@ -138,25 +138,25 @@ def fit(
     Returns
     -------
     FitResult
-        The parameters, their intervals, what the measurements do not see, and a certificate.  Positive parameters are
-        fitted by their logarithms, so that their intervals are positive too.
+        Parameters, their intervals, unidentifiable combinations, and a certificate.  Positive parameters are fitted by their
+        logarithms, so that their intervals are positive too.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, the model raises an error at the start, or returns another kind of data.
+        If an argument is invalid, or the model raises an error at the start or returns another kind of data.
     ArithmeticError
-        If the model raises at all values near the least of a parameter.
+        If the model raises an error at all values near the fitted value of a parameter.
 
     Notes
     -----
-    Intervals are those of the linearized model with Student's t, symmetric in the logarithm of positive parameters.
-    ``source`` names the origin of the covariance: for several data sets their differences, so that the intervals hold for
-    the value in another one; for a response blocks of neighboring frequencies, so that errors may be correlated.  For
-    lists of frequencies, short responses and with ``error_std``, errors are assumed independent and normal with standard
-    deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
-    the intervals: ``certificate.adequacy`` compares residuals with errors.
-    Parameters that are not identifiable have an infinite interval and are listed in ``unidentifiable``.
+    Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
+    ``uncertainty_source`` names the origin of the covariance: for several data sets their differences, so that the
+    intervals hold for the value in another data set; for a response blocks of neighboring frequencies, so that errors may
+    be correlated.  For lists of frequencies, short responses and with ``error_std``, errors are assumed independent and
+    normal with standard deviations in the ratio of the inverse weights.  An error of the model that all data sets have in
+    common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
+    identifiable have an infinite interval and are listed in ``unidentifiable``.
 
     Examples
     --------
@@ -180,7 +180,7 @@ def fit(
         return dict(zip(names, numbers.tolist(), strict=True))
 
     zero = np.zeros(free_parameters.size)
-    initial_fit, _ = problem.answer(zero)  # what is wrong at the start is said from here
+    initial_fit, _ = problem.answer(zero)  # errors of the model at the start are raised here
     if not np.isfinite(measured.residuals(initial_fit)).all():
         raise ValueError("model: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):

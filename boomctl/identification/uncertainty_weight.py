@@ -40,25 +40,26 @@ def uncertainty_weight(
 ) -> "control.StateSpace":
     """Return filters that bound the difference of a measured response and a model, entry by entry.
 
-    At each measured frequency an entry is at least the size of measured less model, and as much more as the deviation of the
-    measurement may hide.  Beyond them it is at least the size at the lowest of them, and at the highest, falling; between
-    them it is what its real poles say, and valleys between resonances are filled.
+    At each measured frequency the magnitude of an entry is at least the magnitude of measured less modeled response, plus
+    a bound on the measurement error.  Below the lowest frequency it is at least the magnitude there, above the highest
+    frequency it falls from the magnitude there; real poles interpolate between frequencies, and fill valleys between
+    resonances.
 
     Parameters
     ----------
     data : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
-        As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
+        As in `fit`; data without ``deviation`` are treated as exact.  The largest difference of several data sets counts.
     model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
         The model, such as ``model(found.parameters)`` of a fit, or ``found.model`` of an identification.
     inputs, outputs : str or sequence of str, optional
-        Entries wanted, by names in what was measured; by default all.
+        Requested entries, by names of measured signals; by default all.
     probability : float
-        That an entry is within its bound at a measured frequency, between 0.5 and 1: errors are taken for normal.
+        Probability that an entry is within its bound at a measured frequency, between 0.5 and 1, for normal errors.
     order : int
-        Poles of each entry, at most 12, spread over the measured frequencies.
+        Number of poles of each entry, at most 12, distributed over the measured frequencies.
     fall : int
-        Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 of displacements that
-        forces cause, 1 of speeds, 0 of accelerations.
+        Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 for displacements by
+        forces, 1 for speeds, 0 for accelerations.
 
     Returns
     -------
@@ -68,13 +69,13 @@ def uncertainty_weight(
     Raises
     ------
     TypeError, ValueError
-        What was measured is no complex response; unknown signals; a model that does not answer as was measured, or that
-        leaves nothing of an entry; numbers out of range.
+        If the data are not a complex response, a signal is unknown, the model does not return the measured entries or equals
+        the data in an entry, or a number is out of range.
 
     Notes
     -----
-    The band belongs to a model, such as that at the fitted parameters.  `robust_stability` adds it to every model of a
-    family, so that what is proved holds for more plants than the record leaves open.
+    The bound is for one model, such as the model at the fitted parameters.  `robust_stability` adds it to every model of a
+    family, so that a proof holds for more plants than those consistent with the record.
 
     Examples
     --------
