@@ -63,9 +63,9 @@ class IdentifiedMode:
     frequency_interval_hz, damping_ratio_interval : (float, float)
         Intervals of ``confidence_level`` of the mean over the record, from blocks of it.
     shape : (p,) ndarray
-        How the outputs move in the mode, as displacements; complex, the largest is one.
+        Mode shape at the outputs, as displacements; complex, the largest component is one.
     energy_fraction : float
-        Of the energy of what inputs move, outputs in units of their size, in that of all modes.
+        Energy of the mode's response to the inputs, outputs scaled by their magnitude, over the sum of all modes.
     stabilization : float
         Fraction of the orders with a stable pole at the mode; 0 if it was found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
@@ -99,7 +99,7 @@ class RealPole:
     rate_interval : (float, float)
         Interval of ``confidence_level`` of the mean over the record.
     rate_prediction_interval : (float, float)
-        Interval of ``confidence_level`` of what another record of the kind gives.
+        Interval of ``confidence_level`` for another record of the kind.
     """
 
     rate: float
@@ -138,7 +138,7 @@ class IdentificationResult:
     parts : int
         Long parts of the record, or records, that prediction intervals come from.
     uncertainty_source : str
-        What intervals and validation come from.
+        Origin of intervals and validation.
     stabilization_poles : dict of int to ndarray
         Poles [rad/s] at each order, before the fit.
     validation_spectra : (3, n) ndarray
@@ -182,13 +182,14 @@ class IdentificationResult:
         Parameters
         ----------
         probability : float
-            That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
+            Probability that the box contains all parameters, between 0.5 and 1: ranges are wider than intervals, by
+            Bonferroni's bound.
         range_margin : float
-            Share of each value by which its range is widened to either side, for what changes after the measurement.
+            Fraction of each value by which its range is widened to either side, for changes after the measurement.
         union_with : sequence of Identification
             Results of other records, such as other levels or days: the box is the smallest that contains the boxes of all.
             Modes are paired by frequency, each with the nearest within a tenth; a mode that another record does not have
-            keeps its range.  Residues are those of this record.
+            keeps its range.  The residues of this record are used.
 
         Returns
         -------
@@ -298,9 +299,9 @@ class IdentificationResult:
         Parameters
         ----------
         ax : sequence of two matplotlib Axes, or a figure, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes; by default a new figure of pyplot.
         **style
-            Of what is measured, as matplotlib's lines take it.
+            Line properties of matplotlib for the measured curves.
 
         Returns
         -------
@@ -331,36 +332,36 @@ def identify(
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
-        Samples, a row a sample; several records as a list.  Or FrequencyResponseData alone, in place of inputs; one of
-        `estimate_frequency_response` is fitted to its record, within its frequencies, and validated on all of it.
+        Samples, one row per sample; several records as a list.  Or only FrequencyResponseData instead of inputs; for a result
+        of `estimate_frequency_response` its record is fitted, within its frequencies, and the full record validated.
     sample_time : float
         Time between samples [s].
     modes : int, optional
-        How many modes the band has.  By default all that have evidence.
+        Number of modes in the band.  By default all modes with evidence.
     rigid_body : {0, 1, 2}, optional
         Integrators of the plant: 1 for a motor whose angle is measured, 2 for a body that a force moves freely, 0 for none.
-        By default found.
+        By default determined from the data.
     frequency_range_hz : (float, float), optional
-        Frequencies of the modes wanted [Hz].  By default where all inputs have power.
+        Frequency range of the modes [Hz].  By default the range in which all inputs have power.
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
-        What each output is; by default displacements, or what a response of `estimate_frequency_response` says.
+        Quantity of each output; by default displacement, or the quantity of a result of `estimate_frequency_response`.
     intersample : "bl" or "zoh", optional
         Inputs between samples: band-limited (a measurement behind an anti-alias filter) or zero-order hold (a computed
         command).  By default determined from the record.
     validation_fraction : float
-        Share of each record, at its end, that the model is validated on and never fitted to; 0: validated on all.
+        Fraction of each record, at its end, for validation only; 0: validation on the fitted data.
     order : int, optional
         Highest order of the common denominators; the modes depend weakly on it.
     confidence_level : float
-        Of the intervals, between 0.5 and 1.
+        Confidence of the intervals, between 0.5 and 1.
     error_model : "relative" or "absolute", optional
-        How errors of a measured frequency response grow: with its size, or not at all; by default the likelier of the two.
-        A mean of periods has its own, a response with repeated frequencies that of the repetitions.
+        Errors of a measured frequency response: proportional to its magnitude, or constant; by default the likelier model.
+        Must be None if the scatter of periods or of repeated frequencies gives the errors.
 
     Returns
     -------
     Identification
-        Modes with intervals, a ``StateSpace``, a structure where there is one, and the fit on what was held back.
+        Modes with intervals, a ``StateSpace``, a structure if one exists, and the fit on the validation data.
 
     Raises
     ------
@@ -371,25 +372,25 @@ def identify(
     Warns
     -----
     BoomctlWarning
-        Inputs follow from errors of the outputs: the record was taken in a closed loop.  An output is predicted by less than
-        50 %.  The record does not show `intersample`.
+        If inputs depend on errors of the outputs, as in a closed loop, the fit of an output is below 50 %, or the record does
+        not determine `intersample`.
 
     Notes
     -----
     The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer, Guillaume &
     Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues and free motions
-    solved for (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
+    eliminated (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
     factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals, alone or as
-    a close pair, pass the same test in a separate window; close to another mode they must also lower the error on left-out
-    blocks.  Integrators, up to two real poles, and pairs of poles outside the band are added only where
-    that error falls.
+    a close pair, pass the same test in a separate window; close to another mode they must also lower the error on omitted
+    blocks (cross-validation).  Integrators, up to two real poles, and pairs of poles outside the band are added only if this
+    error falls.
 
-    The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
-    the record that is held back.  Then the model is fitted to the whole record.
+    The fit on the validation data is computed by a free run: simulation of the exported system with the inputs alone, from
+    one initial state.  Then the model is fitted to the full record.
 
-    Intervals of the mean come from blocks of the record with equal information that are left out (jackknife), so that they
-    also hold for colored errors.  Prediction intervals come from four long parts of the record in the same way, or from each
-    of several records: they include how the structure changes with time and level.
+    Intervals of the mean come from omitting blocks of the record with equal information (jackknife), so that they also hold
+    for colored errors.  Prediction intervals come from four long parts of the record in the same way, or from each of several
+    records: they include changes of the structure with time and level.
 
     Examples
     --------
@@ -601,7 +602,7 @@ def _merged(response: Any) -> Any:
 
 
 def _deviations(response: Any, errors: str | None) -> dict[str, Array | None]:
-    """Return how large the errors of a measured response may be, up to a factor for each output, by words on that."""
+    """Return the error magnitudes of a measured response, up to a factor for each output, by their description."""
     if hasattr(response, "deviation"):
         if errors is not None:
             raise TypeError(f"error_model = {errors!r}: expected None for a response that says its own deviation")

@@ -49,19 +49,19 @@ class Measured:
     spread : ndarray
         Relative magnitudes of the errors, in the shape of ``values``; infinite for omitted values.
     errors : "relative" or "absolute"
-        Whether errors are of the logarithm or of the value itself.
+        Errors of the logarithm, or of the value itself.
     omega : (n,) ndarray or None
-        Angular frequencies [rad/s], those of several data sets one set after the other.
+        Angular frequencies [rad/s]; several data sets are concatenated.
     modes : tuple of int or None
-        Which mode of the model each eigenfrequency is, from 1; None: the nearest.
+        Mode number of each eigenfrequency, from 1; None: the nearest mode.
     inputs, outputs : str, sequence of str or None
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
         Inputs and outputs of the measured data.
     member : (n,) ndarray of int, or None
-        Which of several data sets each entry of the last axis of ``values`` is from; None: there is one.
+        Index of the data set of each entry of the last axis of ``values``; None for one data set.
     noise : ndarray or None
-        Deviation of each value as a share of its ``spread``, where the measurement says it.
+        Deviation of each value relative to its ``spread``, if the measurement includes it.
     """
 
     kind: str

@@ -108,17 +108,18 @@ def estimate_frequency_response(
     sample_time : float
         Time between samples [s].
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these
-        What each output is: `bc.identify` must know it.
+        Quantity of each output; used by `bc.identify`.
     intersample : "bl" or "zoh", optional
-        Inputs between samples: band-limited (a measurement behind an anti-alias filter, as that of a shaker force) or
+        Inputs between samples: band-limited (a measurement behind an anti-alias filter, such as a shaker force) or
         zero-order hold (a computed command).  By default determined from the record.
     period : float, optional
-        Of the excitation [s], if it repeats.  The response is then that of the mean period, and its deviation that of
-        the periods; the record begins in the steady state.  Needs as many records as inputs, each driven another way.
+        Period of the excitation [s], if it repeats.  The response is then computed from the mean period, and its deviation
+        from the periods; the record must begin in the steady state.  Needs as many records as inputs, each with a different
+        excitation.
     resolution_hz : float, optional
-        Between two frequencies of the result.  By default the finest at which neighbors are nearly uncorrelated.
+        Spacing of the frequencies of the result.  By default the finest with nearly uncorrelated neighbors.
     frequency_range_hz : (float, float), optional
-        Frequencies wanted [Hz].  By default all at which the inputs have power.
+        Frequency range of the result [Hz].  By default all frequencies at which the inputs have power.
 
     Returns
     -------
@@ -128,15 +129,15 @@ def estimate_frequency_response(
     Raises
     ------
     TypeError, ValueError
-        Signals of unlike lengths, not finite, constant, cut off or with gaps; a record too short; inputs that do not
-        excite, or not independently; a band beyond half the sampling rate.
+        If signals differ in length, are not finite, constant, saturated or have gaps; the record is too short; the inputs do
+        not excite, or are dependent; or the band is beyond half the sampling rate.
 
     Notes
     -----
     Response and transients are ratios of polynomials over a few lines of the spectrum, by linear least squares (local
     rational method, McKelvey & Guerin 2012), so that a record may begin and end in motion and resonances may be narrower
-    than a line.  A record of one early impact is taken to begin at rest.
-    Of held inputs the response is divided by that of the hold; what folds over from above half the sampling rate stays.
+    than a line.  A record of one early impact is assumed to begin at rest.
+    For held inputs the response is divided by the response of the hold; aliasing from above half the sampling rate remains.
 
     Examples
     --------
