@@ -133,13 +133,13 @@ def _measurements(running: RunningController) -> Array:
         free = RunningController(K, np.zeros_like(running.L), np.full(len(K.C), np.inf), np.full(len(K.C), np.inf))
         requested = free.run(noise)[:half]
         changes = np.abs(np.diff(requested, axis=0, prepend=0.0)).max(axis=0, initial=0.0)
-        room = np.minimum(
+        factor = np.minimum(
             running.force / np.maximum(np.abs(requested).max(axis=0, initial=0.0), np.finfo(float).tiny),
             running.step / np.maximum(changes, np.finfo(float).tiny),
         ).min(initial=np.inf)
-        if not np.isfinite(room):
+        if not np.isfinite(factor):
             return noise
-        noise = noise * (0.5 * room)
+        noise = noise * (0.5 * factor)
         noise[half:] *= 2.0 * _EXCESS
         return np.clip(noise, -_HUGE, _HUGE)
 

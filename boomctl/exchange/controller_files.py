@@ -52,9 +52,9 @@ class ControllerMetadata:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        told = [f"{name} [{unit}]" if unit else name for name, unit in self.units.items()]
+        marked = [f"{name} [{unit}]" if unit else name for name, unit in self.units.items()]
         parts = f"{len(self.certificate)} entries of a certificate, {len(self.provenance)} of provenance"
-        return f"ControllerMetadata: {listed(told, 100)}\n  {parts}"
+        return f"ControllerMetadata: {listed(marked, 100)}\n  {parts}"
 
 
 def write_controller(
@@ -74,7 +74,7 @@ def write_controller(
 
     =========  ==========================================================================================================
     ``.json``  matrices, time step, names, units, certificate, provenance; numbers to the last bit
-    ``.mat``   the same matrices for MATLAB and Octave, and beside it ``NAME.m``, a function that gives ``ss`` with names
+    ``.mat``   the same matrices for MATLAB and Octave, and ``NAME.m``, a function that returns ``ss`` with names
     ``.c``     C99: ``NAME.c`` and ``NAME.h``, one function a sample, with limits and anti-windup as
                :func:`boomctl.simulate_loop` has them, in double or (``-DNAME_SINGLE``) single precision, no memory
                allocated; and ``NAME_test.c``, a program that compares it with numbers computed here
@@ -128,7 +128,7 @@ def write_controller(
     """
     file = checked_path("path", path)
     if not truth("allow_subsystem", allow_subsystem):
-        _refuse_half(controller_of(controller, any_time=True))
+        _check_not_subsystem(controller_of(controller, any_time=True))
     contents = controller_contents(
         controller, file.stem, file.suffix, sample_time=sample_time, control_limit=control_limit, rate_limit=rate_limit,
         anti_windup=anti_windup, units=units, certificate=certificate, provenance=provenance,
@@ -265,7 +265,7 @@ def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
     known("suffix", file.suffix, (".json", ".mat"))
     if file.suffix == ".mat":
         result = read_matlab(file)
-        with _refused(file):
+        with _errors_of(file):
             return checked_controller(result), ControllerMetadata()
     try:
         held = json.loads(file.read_text(encoding="utf-8"))
@@ -277,7 +277,7 @@ def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
         raise ValueError(f"{file}: expected a file of write_controller, whose format is {_FORMAT!r}")
     if held.get("version") != _VERSION:
         raise ValueError(f"{file}: its version is {shown(held.get('version'))}; expected {_VERSION}")
-    with _refused(file):
+    with _errors_of(file):
         units, certificate, provenance = (
             mapping(key, held.get(key, {}), "entries by name") for key in ("units", "certificate", "provenance")
         )
@@ -287,7 +287,7 @@ def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
 
 
 @contextmanager
-def _refused(file: Path) -> Iterator[None]:
+def _errors_of(file: Path) -> Iterator[None]:
     """Name the file in errors of the block."""
     try:
         yield
@@ -295,7 +295,7 @@ def _refused(file: Path) -> Iterator[None]:
         raise ValueError(f"{file}: a controller is not complete there: {type(error).__name__} {error}") from None
 
 
-def _refuse_half(K: Lti) -> None:
+def _check_not_subsystem(K: Lti) -> None:
     result = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
     if result:
         raise ValueError(
@@ -314,14 +314,14 @@ def _sampled(K: Lti, sample_time: float) -> Lti:
     return K
 
 
-def _units(K: Lti, given: Mapping[str, str]) -> dict[str, str]:
-    for name in given:
+def _units(K: Lti, units: Mapping[str, str]) -> dict[str, str]:
+    for name in units:
         known("signal", name, (*K.input_labels, *K.output_labels))
     result = {}
     for name in (*K.input_labels, *K.output_labels):
         rate = next((unit for ending, unit in _RATES.items() if ending in name), None)
         stem = next((unit for start, unit in _UNITS.items() if name.startswith(start)), "")
-        result[name] = str(given.get(name, half_unit(rate or stem, name)))
+        result[name] = str(units.get(name, half_unit(rate or stem, name)))
     return result
 
 
@@ -389,24 +389,24 @@ def checked_controller(held: Mapping[str, Any]) -> Lti:
     return Lti(A, B, C, D, inputs, outputs, states, np.nan if time is True else nonnegative("sample_time", time))
 
 
-def _names(kind: str, given: object) -> tuple[str, ...]:
-    if not isinstance(given, (list, tuple)) or not all(isinstance(name, str) for name in given):
-        raise TypeError(f"{kind} = {shown(given)}: expected a list of names")
-    if len({name.replace(".", "_") for name in given}) < len(given):  # python-control allows no dots
-        raise ValueError(f"{kind} = {shown(given)}: expected names that are there once")
-    return tuple(given)
+def _names(kind: str, names: object) -> tuple[str, ...]:
+    if not isinstance(names, (list, tuple)) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"{kind} = {shown(names)}: expected a list of names")
+    if len({name.replace(".", "_") for name in names}) < len(names):  # python-control allows no dots
+        raise ValueError(f"{kind} = {shown(names)}: expected names that are there once")
+    return tuple(names)
 
 
-def _matrix(letter: str, given: object, shape: tuple[int, int]) -> Array:
+def _matrix(letter: str, rows: object, shape: tuple[int, int]) -> Array:
     """Return a matrix of numbers; lists are checked, because NumPy converts strings and booleans to numbers."""
-    if isinstance(given, np.ndarray) and given.dtype.kind in "iuf":
-        given = given.tolist() if given.size else [[] for _ in range(shape[0])]
-    if not isinstance(given, list) or not all(isinstance(row, list) for row in given):
-        raise TypeError(f"{letter} = {shown(given)}: expected a list of rows of numbers")
-    if len(given) != shape[0] or any(len(row) != shape[1] for row in given):
-        result = f"{len(given)} of {' or '.join(map(str, sorted({len(row) for row in given}))) or 0}"
+    if isinstance(rows, np.ndarray) and rows.dtype.kind in "iuf":
+        rows = rows.tolist() if rows.size else [[] for _ in range(shape[0])]
+    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+        raise TypeError(f"{letter} = {shown(rows)}: expected a list of rows of numbers")
+    if len(rows) != shape[0] or any(len(row) != shape[1] for row in rows):
+        result = f"{len(rows)} of {' or '.join(map(str, sorted({len(row) for row in rows}))) or 0}"
         raise ValueError(f"{letter}: expected {shape[0]} rows of {shape[1]} numbers, as there are names, got {result}")
-    for value in (value for row in given for value in row):
+    for value in (value for row in rows for value in row):
         if type(value) not in (int, float) or not -_LARGEST <= value <= _LARGEST:
             raise ValueError(f"expected finite numbers in {letter}, got {shown(value)}")
-    return np.array(given, dtype=float).reshape(shape)
+    return np.array(rows, dtype=float).reshape(shape)

@@ -1,4 +1,4 @@
-"""Parameters of a model from measurements: what fits, how sure it is, and what the measurements do not see."""
+"""Model parameters from measurements, with confidence intervals and unidentifiable combinations."""
 
 from boomctl.lazy import loader
 

@@ -1,12 +1,12 @@
 """Covariance of parameters from blocks of the data or from data sets, instead of a formula for white noise.
 
-Errors of neighboring frequencies, and what a model does not explain, are no independent numbers.  A block of frequencies
-that is left out moves the parameters by what all of its errors do together; how much the blocks differ in this is the
-deviation of the parameters (a jackknife, by one Gauss-Newton step each).  Where few blocks say something of a parameter,
-this is known badly, so that it is drawn towards what all residuals say, with the correlation of neighbors that they have.
-Of several data sets, such as days, the parameters of each tell.
+Errors of neighboring frequencies, and errors of the model, are correlated.  Omitting a block of frequencies changes the
+parameters by the joint effect of its errors; the scatter of these changes gives the deviation of the parameters (a jackknife,
+by one Gauss-Newton step each).  If few blocks contain information on a parameter, this deviation is inaccurate; it is shrunk
+towards the deviation by all residuals with their correlation.  For several data sets, such as days, the scatter of the
+parameters of the data sets is used.
 
-Sources: Bell & McCaffrey (2002), Survey Methodology 28 (degrees of freedom of blocks); Newey & West (1987), Econometrica 55
+Sources: Bell & McCaffrey (2002), Survey Methodology 28 (dof of blocks); Newey & West (1987), Econometrica 55
 (correlated residuals); Smyth (2004), Stat. Appl. Genet. Mol. Biol. 3 (shrinkage of standard deviations).
 """
 
@@ -17,16 +17,16 @@ from scipy import special
 
 from boomctl.arrays import Array
 from boomctl.checks import real
-from boomctl.identification.identifiability import Seen
+from boomctl.identification.identifiability import IdentifiedSubspace
 from boomctl.identification.measured import Measured
 from boomctl.printing import count
 
 _BLOCKS = 12  # Blocks of frequencies, wide enough for nearly uncorrelated errors.
-_FEWEST = 6  # blocks of which a deviation is known to a third; below, errors are taken for independent (a choice)
-_LINES = 2  # frequencies that a block has at least on the average (a choice)
-_COMMON = 16.0  # Degrees of freedom of the common variance that single variances are shrunk to.
+_FEWEST = 6  # Fewest blocks: a deviation is known to a third; with fewer, errors are treated as independent.
+_LINES = 2  # Fewest frequencies per block on average.
+_COMMON = 16.0  # Dof of the common variance that single variances are shrunk to.
 _REACH = 5  # Inverse of the largest lag of the correlation of residuals, relative to the number of frequencies.
-_ALONE = 0.999  # share of a combination that a block alone may say: the rest of the data must say something, too
+_ALONE = 0.999  # Largest leverage of a block on a combination: the rest of the data must contribute too.
 
 
 @dataclass(frozen=True)
@@ -37,65 +37,65 @@ class Spread:
     ----------
     covariance : (p, p) ndarray
         Of the coordinates.
-    freedom : (p,) ndarray
-        Degrees of freedom of each deviation, for Student's t.
+    dof : (p,) ndarray
+        Dof of each deviation, for Student's t.
     source : str
         What it is from, in words.
     """
 
     covariance: Array
-    freedom: Array
+    dof: Array
     source: str
 
 
-def of_sets(each: Array) -> Spread:
-    """Return the spread of what another data set would say, of what each one says (sets, p)."""
-    size = len(each)
-    result = np.atleast_2d(np.cov(each.T, ddof=1)) * (1.0 + 1.0 / size)
+def of_sets(estimates: Array) -> Spread:
+    """Return the spread of estimates from another data set, from the estimates of each data set (sets, p)."""
+    size = len(estimates)
+    result = np.atleast_2d(np.cov(estimates.T, ddof=1)) * (1.0 + 1.0 / size)
     source = f"how much {count(size, 'data set')} differ: they hold for another one"
-    return Spread(result, np.full(each.shape[1], size - 1.0), source)
+    return Spread(result, np.full(estimates.shape[1], size - 1.0), source)
 
 
-def of_blocks(slopes: Array, residuals: Array, data: Measured, seen: Seen) -> Spread | None:
-    """Return the spread that blocks of frequencies show, None where there are too few of them.
+def of_blocks(jacobian: Array, residuals: Array, data: Measured, identified: IdentifiedSubspace) -> Spread | None:
+    """Return the spread from blocks of frequencies, None if there are too few blocks.
 
-    Blocks are neighbors, each with about the same say in the parameters.
+    Blocks are contiguous, each with about the same information on the parameters.
     """
-    if data.omega is None or not seen.rank:
+    if data.omega is None or not identified.rank:
         return None
     entry = data.labeled(np.argsort(np.argsort(data.omega, kind="stable")))
     lines = len(data.omega)
     blocks = min(_BLOCKS, len(np.unique(entry)) // _LINES)
     if blocks < _FEWEST:
         return None
-    rows = seen.directions[: seen.rank]
-    J = slopes @ rows.T
+    rows = identified.directions[: identified.rank]
+    J = jacobian @ rows.T
     inverse = np.linalg.inv(J.T @ J)
     say = np.bincount(entry, np.einsum("nr,rs,ns->n", J, inverse, J), lines)
-    place = np.minimum((np.cumsum(say) - 0.5 * say) / say.sum() * blocks, blocks - 1).astype(int)
-    block = np.unique(place[entry], return_inverse=True)[1]
-    moved, shares = [], []
+    position = np.minimum((np.cumsum(say) - 0.5 * say) / say.sum() * blocks, blocks - 1).astype(int)
+    block = np.unique(position[entry], return_inverse=True)[1]
+    moved, leverages = [], []
     for k in range(block.max() + 1):
         own = J[block == k]
         curvature = own.T @ own
         moved.append(np.linalg.solve(J.T @ J - _ALONE * curvature, own.T @ residuals[block == k]) @ rows)
-        shares.append(np.einsum("ri,rs,si->i", rows, inverse @ curvature @ inverse, rows))
-    total, parts = np.array(moved), np.array(shares)
+        leverages.append(np.einsum("ri,rs,si->i", rows, inverse @ curvature @ inverse, rows))
+    total, parts = np.array(moved), np.array(leverages)
     size = len(total)
     whole = parts.sum(axis=0)
     parts = parts / np.where(whole > 0.0, whole, 1.0)
     own = np.maximum(1.0 / np.maximum(np.square(parts).sum(axis=0), 1.0 / size) - 1.0, 0.0)
-    apart = total.T @ total * (size - 1.0) / size
-    together, freedom = _correlated(J, residuals, data, entry)
+    separate = total.T @ total * (size - 1.0) / size
+    together, dof = _correlated(J, residuals, data, entry)
     together = rows.T @ inverse @ together @ inverse @ rows
-    common = min(_COMMON, freedom)
+    common = min(_COMMON, dof)
     weight = np.sqrt(np.outer(own, own))
-    covariance = (weight * apart + common * together) / (np.outer(*2 * [np.sqrt(own + common)]))
+    covariance = (weight * separate + common * together) / (np.outer(*2 * [np.sqrt(own + common)]))
     return Spread(covariance, own + common, f"{count(size, 'block')} of neighboring frequencies")
 
 
 def _correlated(J: Array, residuals: Array, data: Measured, entry: Array) -> tuple[Array, float]:
-    """Return the covariance of ``J^T`` errors, which are correlated as the residuals are, and its degrees of freedom."""
+    """Return the covariance of ``J^T`` errors, which are correlated as the residuals are, and its dof."""
     lines, series = data.values.shape[-1], data.kept.reshape(-1, data.values.shape[-1]).nonzero()[0]
     series = np.concatenate([series, series + series.max() + 1]) if np.iscomplexobj(data.values) else series
     left, columns = np.zeros((series.max() + 1, lines)), np.zeros((series.max() + 1, lines, J.shape[1]))
@@ -104,10 +104,12 @@ def _correlated(J: Array, residuals: Array, data: Measured, entry: Array) -> tup
     power = float(np.square(residuals).sum()) / max(n - r, 1)
     result, lost, reach = columns.reshape(-1, r).T @ columns.reshape(-1, r), 1.0, max(lines // _REACH, 1)
     for lag in range(1, reach + 1):
-        share = float((left[:, :-lag] * left[:, lag:]).sum() / np.square(left).sum()) * (1.0 - lag / (reach + 1.0))
-        beside = np.einsum("skr,skt->rt", columns[:, :-lag], columns[:, lag:])
-        result = result + share * (beside + beside.T)
-        lost += 2.0 * share**2
+        coefficient = float((left[:, :-lag] * left[:, lag:]).sum() / np.square(left).sum()) * (
+            1.0 - lag / (reach + 1.0)
+        )
+        product = np.einsum("skr,skt->rt", columns[:, :-lag], columns[:, lag:])
+        result = result + coefficient * (product + product.T)
+        lost += 2.0 * coefficient**2
     values, turned = np.linalg.eigh(result)
     whole = np.linalg.eigvalsh(J.T @ J)
     return power * (turned * np.maximum(values, whole[0] / n)) @ turned.T, max(n - r, 1) / lost
@@ -121,8 +123,8 @@ def confident(name: str, value: object) -> float:
     return result
 
 
-def limits(confidence: float, freedom: Array) -> Array:
+def limits(confidence: float, dof: Array) -> Array:
     """Return the number of standard deviations of a confidence level: Student's t, or normal for infinite dof."""
     tail = 0.5 + 0.5 * confidence
-    finite = np.isfinite(freedom)
-    return np.where(finite, special.stdtrit(np.where(finite, freedom, 1.0), tail), special.ndtri(tail))
+    finite = np.isfinite(dof)
+    return np.where(finite, special.stdtrit(np.where(finite, dof, 1.0), tail), special.ndtri(tail))

@@ -8,7 +8,7 @@ from scipy import special
 
 from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
-from boomctl.identification.identifiability import Seen
+from boomctl.identification.identifiability import IdentifiedSubspace
 from boomctl.printing import count, sentence
 
 _STEP = 0.1  # standard errors between the values of the sum of squares that are compared
@@ -17,7 +17,7 @@ _MAX_STEP = 1.0  # Largest step of a coordinate (a factor of e), along weakly id
 _MAX_OFFSET = 0.05  # standard errors from the minimum of the parabola: intervals change by less than 1 %
 _EXACT = 1e-7  # coordinate distance to the minimum that counts as none, for data with almost no errors
 _MAX_DECREASE = 1e-6  # relative decrease of the sum of squares that is rounding error
-_UNSEEN_STEP = 0.01  # coordinate step along combinations that are not identifiable
+_UNIDENTIFIABLE_STEP = 0.01  # coordinate step along combinations that are not identifiable
 _SIGNIFICANCE = 0.01  # p-value below which residuals are larger than the errors
 _MAX_CHI_SQUARE = 2.0  # reduced chi-square with deviations that are estimates: half of it is model error
 
@@ -117,23 +117,23 @@ class FitCertificate:
         return sentence("FitCertificate", self.summary)
 
 
-def lack_of_fit(cost: float, freedom: int, variance: float, known: float) -> tuple[float, float]:
+def lack_of_fit(cost: float, dof: int, variance: float, known: float) -> tuple[float, float]:
     """Compute the root of the reduced chi-square and its p-value, for errors of a variance with ``known`` dof.
 
     With finite dof (replicates), the F test for lack of fit.  Source: Draper & Smith (1998), section 2.1.
     """
-    if not freedom > 0 or np.isnan(variance):
+    if not dof > 0 or np.isnan(variance):
         return float("nan"), float("nan")
-    excess = float(np.sqrt(cost / freedom / variance))
+    excess = float(np.sqrt(cost / dof / variance))
     if np.isinf(known):
-        return excess, float(special.chdtrc(freedom, cost / variance))
-    left = freedom - known
+        return excess, float(special.chdtrc(dof, cost / variance))
+    left = dof - known
     ratio = max(cost - known * variance, 0.0) / left / variance if left > 0.0 else 0.0
     return excess, float(special.fdtrc(left, known, ratio)) if left > 0.0 else float("nan")
 
 
 def minimum(
-    residuals: Callable[[Array], Array], free: FreeParameters, x: Array, seen: Seen, size: float
+    residuals: Callable[[Array], Array], free: FreeParameters, x: Array, identified: IdentifiedSubspace, size: float
 ) -> tuple[float, bool]:
     """Return how far from a minimum the fit is, in standard errors, and whether it is one, from sums of squares alone."""
 
@@ -142,9 +142,9 @@ def minimum(
         return float(np.square(result).sum()) if np.isfinite(result).all() else np.inf
 
     here, offset, rises = cost(x), 0.0, True
-    for k, direction in enumerate(seen.directions):
-        value = seen.values[k]
-        step = min(max(_STEP * size / value, _MIN_STEP), _MAX_STEP) if value > 0.0 else _UNSEEN_STEP
+    for k, direction in enumerate(identified.directions):
+        value = identified.values[k]
+        step = min(max(_STEP * size / value, _MIN_STEP), _MAX_STEP) if value > 0.0 else _UNIDENTIFIABLE_STEP
         before, after = cost(x - step * direction), cost(x + step * direction)
         if value == 0.0:
             rises &= min(before, after) >= here * (1.0 - _MAX_DECREASE)

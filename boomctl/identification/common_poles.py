@@ -1,4 +1,4 @@
-"""Poles that all entries share, by least squares: residues are solved for, poles move by damped Gauss-Newton steps."""
+"""Common poles of all entries by least squares: residues are solved for, poles move by damped Gauss-Newton steps."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,19 +9,17 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.identification.spectra import Spectra, complex_of, real
 
-_STEPS = 40  # Gauss-Newton steps of a fit: ten do where the start is near (a choice)
+_STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
 _DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
-_FARTHEST = 1.0  # change of the logarithm of a decay rate, and of a frequency in rates, that a step may make (a choice)
+_FARTHEST = 1.0  # Largest change in a step of the logarithm of a decay rate, and of a frequency over the rate.
 _LEAST_DECAY = 1e-7  # Smallest decay rate relative to the frequency; a record does not determine smaller ones.
-_FAST = (
-    2.0  # times the highest frequency: where the modes above the band are put (a choice; 1.5 to 4 give the same fit)
-)
+_FAST = 2.0  # Frequency of the modes above the band over its upper end; 1.5 to 4 give the same fit.
 _SLOW = 0.5  # Frequency of the modes below the band, relative to its lower end.
-_AROUND = 10.0  # lines to either side at least that errors around a resonance are taken from (a choice)
-_BLOCK = 64  # lines over which errors are taken for as large: a median of so many is known to a fifth (a choice)
+_AROUND = 10.0  # Fewest lines on either side of a resonance from which its errors are estimated.
+_BLOCK = 64  # Lines over which errors count as equally large: their median is accurate to a fifth.
 _RESONANCES = 3  # Resonances from which the error of the model is known.
 _PEAK = 2.0  # Lines to either side of a resonance at least, from which it is computed.
 _CLEAN = 1e-6  # of the energy of the outputs: of residuals that have more, rounding of products is a negligible part
@@ -131,14 +129,14 @@ class CommonPoles:
         return float(np.square(self.residuals).sum())
 
     @property
-    def freedom(self) -> int:
+    def dof(self) -> int:
         """Real equations of an output beyond its unknowns."""
         return max(len(self.residuals) - len(self._solved[0]), 1)
 
     @property
     def deviation(self) -> Array:
         """Deviation of the errors of each output, by the residuals, in units of ``data.Y``."""
-        return np.sqrt(np.square(self.residuals).sum(axis=0) / self.freedom)
+        return np.sqrt(np.square(self.residuals).sum(axis=0) / self.dof)
 
     @cached_property
     def errors(self) -> Array:
@@ -147,16 +145,16 @@ class CommonPoles:
         These are the mean, the median of the lines around, which a mode that is not in the fit does not change, and the
         error of the model: a fraction of the response, as large as under most of the resonances.
         """
-        power = np.square(np.abs(complex_of(self.residuals))) * (0.5 * len(self.residuals) / self.freedom)
+        power = np.square(np.abs(complex_of(self.residuals))) * (0.5 * len(self.residuals) / self.dof)
         floor = power.mean(axis=0) + np.finfo(float).tiny
         levels = np.empty_like(power)
         for k, lines in enumerate(self.data.lines):
             rows, size = np.flatnonzero(self.data.record == k), min(_BLOCK, len(lines))
             begin = np.linspace(0, len(rows) - size, max(len(rows) // size, 2)).astype(int)
             middle = np.median(power[rows[begin[:, None] + np.arange(size)]], axis=1) / np.log(2.0)
-            place = np.interp(np.arange(len(rows)), begin + 0.5 * size, np.arange(len(begin)))[:, None]
-            left = np.minimum(place.astype(int), len(begin) - 2)
-            levels[rows] = middle[left[:, 0]] + (place - left) * (middle[left[:, 0] + 1] - middle[left[:, 0]])
+            position = np.interp(np.arange(len(rows)), begin + 0.5 * size, np.arange(len(begin)))[:, None]
+            left = np.minimum(position.astype(int), len(begin) - 2)
+            levels[rows] = middle[left[:, 0]] + (position - left) * (middle[left[:, 0] + 1] - middle[left[:, 0]])
         return np.maximum(np.maximum(levels, floor), 0.5 * self._model_error * np.square(np.abs(self._response)))
 
     @property
@@ -177,7 +175,7 @@ class CommonPoles:
         return float(np.median(error / np.maximum(response, np.finfo(float).tiny)))
 
     @property
-    def shares(self) -> Array:
+    def energy_fractions(self) -> Array:
         """Contribution of each pair to the mean square of the outputs, by the inputs, mean over the outputs."""
         m = self.data.U.shape[1]
         energy = np.square(np.abs(self.data.Y)).sum(axis=0)
@@ -212,14 +210,14 @@ class CommonPoles:
         return np.array(result)
 
     @property
-    def slopes(self) -> Array:
+    def pole_jacobian(self) -> Array:
         """Columns of the derivatives by each pole, without what all columns explain of them, (2 n, k, w)."""
         derived, basis = self._derived.T, self.basis
         return (derived - basis @ (basis.T @ derived)).reshape(len(derived), len(self.poles), 2 * self._width)
 
     @property
     def factors(self) -> Array:
-        """Factors of `slopes` for the logarithm of each decay rate and for the frequency over the rate, (k, 2, w, p)."""
+        """Factors of `pole_jacobian` for the logarithm of each decay rate and for frequency over rate, (k, 2, w, p)."""
         c = self.coefficients
         shape = len(c), 2 * self._width, c.shape[3]
         decay, turn = c.reshape(shape), np.stack([-c[:, 1], c[:, 0]], axis=1).reshape(shape)

@@ -23,30 +23,30 @@ _SAME_MODE = 0.1  # Relative difference of frequencies below which modes of two 
 def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
     """Return simultaneous confidence ranges of all parameters (Bonferroni), widened by a fraction."""
     level = confident("probability", probability)
-    share, found = nonnegative("margin", margin), {}
-    intervals, freedoms = result._uncertain
+    fraction, ranges = nonnegative("margin", margin), {}
+    intervals, dofs = result._uncertain
     for name, (value, low, high) in intervals.items():
         if not np.isfinite([low, high]).all() or (low <= 0.0 < value):
             raise ValueError(
                 f"family: expected parameters that the measurements bound, got {name} from {low:.4g} to {high:.4g};"
                 " fit without it, or measure what shows it"
             )
-        freedom = np.array(freedoms[name])
+        dof = np.array(dofs[name])
         item = 1.0 - (1.0 - level) / len(intervals)
-        times = float(limits(item, freedom) / limits(result.confidence_level, freedom))
+        times = float(limits(item, dof) / limits(result.confidence_level, dof))
         if low > 0.0:
-            ends = value * (low / value) ** times / (1.0 + share), value * (high / value) ** times * (1.0 + share)
+            ends = value * (low / value) ** times / (1.0 + fraction), value * (high / value) ** times * (1.0 + fraction)
         else:
             ends = (
-                value + times * (low - value) - share * abs(value),
-                value + times * (high - value) + share * abs(value),
+                value + times * (low - value) - fraction * abs(value),
+                value + times * (high - value) + fraction * abs(value),
             )
         if not ends[0] < ends[1]:
             raise ValueError(
                 f"family: {name} has no width at {value:.6g}, as of exact data; expected a margin above zero"
             )
-        found[name] = ends
-    return found
+        ranges[name] = ends
+    return ranges
 
 
 def union(
@@ -83,11 +83,11 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
         Modes of the other one without a partner: the family does not have them.
     """
     own, there = (np.log([mode.frequency_hz for mode in item.modes]) for item in (result, other))
-    apart = np.abs(own[:, None] - there)
+    difference = np.abs(own[:, None] - there)
     pairs = [
         (k, j)
-        for k, j in enumerate(apart.argmin(axis=1).tolist())
-        if apart[:, j].argmin() == k and apart[k, j] < _SAME_MODE
+        for k, j in enumerate(difference.argmin(axis=1).tolist())
+        if difference[:, j].argmin() == k and difference[k, j] < _SAME_MODE
     ]
     alone = [mode.frequency_hz for j, mode in enumerate(other.modes) if j not in {j for _, j in pairs}]
     if alone:
@@ -105,8 +105,10 @@ def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapp
     if make is None:
         raise ValueError("model = None: expected a function, as that of the fit did not pickle")
     if isinstance(make, Family):
-        given: Family = make
-        return PolynomialFamily.from_function(ranges, lambda other: given.at(given.normalize({**values, **other})), 32)
+        family: Family = make
+        return PolynomialFamily.from_function(
+            ranges, lambda other: family.at(family.normalize({**values, **other})), 32
+        )
 
     def at(values: Mapping[str, float]) -> Any:
         return make(changed(parameters, values))
@@ -159,7 +161,7 @@ def of_modes(
     center = SecondOrderModel.of(Structure.of(model.M, C, K, model.coordinates), model.ports)
     still, unmoved = np.zeros_like(C), np.zeros_like(model.ports.B)
     changes = [(power, Slope(still, np.diag(terms[power][0]), np.diag(terms[power][1]), unmoved)) for power in terms]
-    return PolynomialFamily(names, low, high, center, tuple(sorted(changes, key=lambda each: (len(each[0]), each[0]))))
+    return PolynomialFamily(names, low, high, center, tuple(sorted(changes, key=lambda term: (len(term[0]), term[0]))))
 
 
 def _alone(
@@ -169,12 +171,12 @@ def _alone(
     second = damping - sum(known[name] for name in parameters)  # Rate of the second pole of a single real pole.
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
-        given = [values.get(name, known[name]) for name in parameters]
+        point = [values.get(name, known[name]) for name in parameters]
         if kind == "mode":
-            rate = 2.0 * np.pi * given[0] / np.sqrt(1.0 - given[1] ** 2)
-            K, C = rate**2, 2.0 * given[1] * rate
+            rate = 2.0 * np.pi * point[0] / np.sqrt(1.0 - point[1] ** 2)
+            K, C = rate**2, 2.0 * point[1] * rate
         else:
-            K, C = stiffness_and_damping(*(given if len(given) == 2 else (*given, second)))
+            K, C = stiffness_and_damping(*(point if len(point) == 2 else (*point, second)))
         return SecondOrderModel([[1.0]], [[C]], [[K]])
 
     return make

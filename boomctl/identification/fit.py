@@ -14,7 +14,7 @@ from boomctl.exceptions import AccuracyWarning
 from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters
-from boomctl.identification.identifiability import STEP, Seen, differences, slopes
+from boomctl.identification.identifiability import STEP, IdentifiedSubspace, differences, jacobian
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
@@ -91,45 +91,45 @@ def fit(
     seed: int = 0,
     progress: Listener | None = None,
 ) -> FitResult:
-    """Fit parameters of a model to measurements, and say how sure they are.
+    """Fit parameters of a model to measurements, with confidence intervals.
 
     Parameters
     ----------
     model : callable or Family
-        A function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or one's own.  It
-        returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or what was measured of it:
+        Function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or a user's function.  It
+        returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or data of the measured kind:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
         all of them once, ascending).  Parameters for which it raises ValueError or ArithmeticError are not searched.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
-        singular values (magnitudes).  A curve that has its phase is fitted as the complex response that it is; singular
-        values where there is no phase.  ``measured.kind`` of the result says which.
-        A list of such: several data sets of one kind, such as days.
+        singular values (magnitudes).  A curve with phase is fitted as a complex response, a curve without phase as singular
+        values; ``data.kind`` of the result states the kind.
+        A list of these: several data sets of one kind, such as days.
     free : names, or mapping from names to (low, high) or None
-        Names of the parameters that are fitted. A range limits the search, and is where further starts are drawn. Of a
-        family all are fitted by default.
+        Names of the parameters that are fitted. A range limits the search, and further starts are drawn from it. By default
+        all parameters of a family.
     initial : dataclass or mapping, optional
-        The parameters to begin from, those that stay among them.  By default the middle of a family, or of the ranges.
+        Initial parameters, including fixed ones.  By default the midpoint of a family, or of the ranges.
     modes : sequence of int, optional
-        Which mode of the model each eigenfrequency is, from 1.  If None, the nearest ones, because the measurement may lack
-        modes. The same for all data sets.
+        Mode number of each eigenfrequency, from 1.  If None, the nearest modes, because the measurement may lack modes. The
+        same for all data sets.
     weights : array_like, optional
         Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
         response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
-        0 leaves a value out.  Of several data sets the same for all.
+        0 excludes a value.  The same for all data sets.
     error_model : "relative" or "absolute"
-        "relative": the errors are shares of the values (differences of logarithms, also of complex values). "absolute":
+        "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
     error_std : float, optional
-        Standard deviation of the errors of weight 1, where it is known; of complex values, of each part.  By default it
-        is estimated from the residuals.
+        Standard deviation of the errors of weight 1, if known; for complex values, of each part.  By default it is estimated
+        from the residuals.
     confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     inputs, outputs : str or sequence of str, optional
-        Signals of the model between which was measured.  By default those of the measured data, where the model has
-        them, else the model's own (of a boom, platform actuators and tips).
+        Measured inputs and outputs of the model.  By default the signals of the data, if the model has them, else the model's
+        signals (platform actuators and tips for a boom).
     n_starts : int
-        Number of starts of the search; the first is the one given, the others are drawn.
+        Number of starts of the search; the first is ``initial``, the others are drawn.
     seed : int
         Seed of the further starts, which are drawn at random.
     progress : callable, optional
@@ -138,25 +138,25 @@ def fit(
     Returns
     -------
     FitResult
-        The parameters, their intervals, what the measurements do not see, and a certificate.  Positive parameters are
-        fitted by their logarithms, so that their intervals are positive too.
+        Parameters, their intervals, unidentifiable combinations, and a certificate.  Positive parameters are fitted by their
+        logarithms, so that their intervals are positive too.
 
     Raises
     ------
     TypeError, ValueError
-        If an argument is invalid, the model raises an error at the start, or returns another kind of data.
+        If an argument is invalid, or the model raises an error at the start or returns another kind of data.
     ArithmeticError
-        If the model raises at all values near the least of a parameter.
+        If the model raises an error at all values near the fitted value of a parameter.
 
     Notes
     -----
-    Intervals are those of the linearized model with Student's t, symmetric in the logarithm of positive parameters.
-    ``source`` names the origin of the covariance: for several data sets their differences, so that the intervals hold for
-    the value in another one; for a response blocks of neighboring frequencies, so that errors may be correlated.  For
-    lists of frequencies, short responses and with ``error_std``, errors are assumed independent and normal with standard
-    deviations in the ratio of the inverse weights.  An error of the model that all data sets have in common does not widen
-    the intervals: ``certificate.adequacy`` compares residuals with errors.
-    Parameters that are not identifiable have an infinite interval and are listed in ``unidentifiable``.
+    Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
+    ``uncertainty_source`` names the origin of the covariance: for several data sets their differences, so that the
+    intervals hold for the value in another data set; for a response blocks of neighboring frequencies, so that errors may
+    be correlated.  For lists of frequencies, short responses and with ``error_std``, errors are assumed independent and
+    normal with standard deviations in the ratio of the inverse weights.  An error of the model that all data sets have in
+    common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
+    identifiable have an infinite interval and are listed in ``unidentifiable``.
 
     Examples
     --------
@@ -180,35 +180,35 @@ def fit(
         return dict(zip(names, numbers.tolist(), strict=True))
 
     zero = np.zeros(free_parameters.size)
-    begun, _ = problem.answer(zero)  # what is wrong at the start is said from here
-    if not np.isfinite(measured.residuals(begun)).all():
+    initial_fit, _ = problem.answer(zero)  # errors of the model at the start are raised here
+    if not np.isfinite(measured.residuals(initial_fit)).all():
         raise ValueError("model: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):
         clock = Deadline()
         candidates = _search(problem, count, seed)
         f, (cost, x, _) = problem.residuals, candidates[0]
-        matrix, error = slopes(f, x, free_parameters)
-        seen = Seen.of(matrix, error, f, x, free_parameters)
-        item = _of_each(problem, x)
-    freedom = max(measured.size - seen.rank, 0)
-    size = known_size if known_size is not None else np.sqrt(cost / freedom) if freedom else 0.0
+        matrix, error = jacobian(f, x, free_parameters)
+        identified = IdentifiedSubspace.of(matrix, error, f, x, free_parameters)
+        item = _set_estimates(problem, x)
+    dof = max(measured.size - identified.rank, 0)
+    size = known_size if known_size is not None else np.sqrt(cost / dof) if dof else 0.0
     floor = ALIKE * measured.scale  # smaller errors are rounding errors of the model
     size, exact = max(float(size), floor), bool(size < floor)
     spread = None
     if len(item):
         spread = of_sets(item)
     elif known_size is None and not exact:
-        spread = of_blocks(matrix, f(x), measured, seen)
+        spread = of_blocks(matrix, f(x), measured, identified)
     # Number of standard deviations of the confidence level: normal, or Student's t, undefined without dof.
-    degrees = np.inf if known_size is not None else freedom
+    degrees = np.inf if known_size is not None else dof
     limit = float(limits(confidence_level, np.array(degrees))) if degrees > 0 else np.inf
     if spread is None:
         source = f"{'the deviation given' if known_size is not None else 'all residuals'}, as independent errors"
-        spread = Spread(seen.covariance() * size**2, np.full(free_parameters.size, float(degrees)), source)
-    coordinates = _covariance(spread, seen)
-    floors = _MIN_DEVIATION * size * np.sqrt(np.diag(seen.covariance()))
-    half = limits(confidence_level, np.maximum(spread.freedom, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
-    low, high = _intervals(problem, cost, x, seen, half)
+        spread = Spread(identified.covariance() * size**2, np.full(free_parameters.size, float(degrees)), source)
+    coordinates = _covariance(spread, identified)
+    floors = _MIN_DEVIATION * size * np.sqrt(np.diag(identified.covariance()))
+    half = limits(confidence_level, np.maximum(spread.dof, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
+    low, high = _intervals(problem, cost, x, identified, half)
     same = cost + max(_SAME_FIT * size**2, measured.size * (_EXACT * measured.scale) ** 2)
     rivals, agreeing = [], 0  # rivals fit about as well, with a parameter outside its interval
     for other, at, _ in candidates:
@@ -221,10 +221,10 @@ def fit(
     near = np.minimum(x - free_parameters.low, free_parameters.high - x)
     fitted, paired = problem.answer(x)
     residuals = measured.difference(fitted)
-    offset, shown = minimum(f, free_parameters, x, seen, size)
+    offset, shown = minimum(f, free_parameters, x, identified, size)
     variance, sure = measured.variance(residuals, paired)
     tested = (variance, sure) if known_size is None else (known_size**2, np.inf)
-    excess, chance = lack_of_fit(cost, freedom, max(tested[0], floor**2), tested[1])
+    excess, chance = lack_of_fit(cost, dof, max(tested[0], floor**2), tested[1])
     certificate = FitCertificate(
         distance_to_minimum=offset,
         is_minimum=shown,
@@ -236,7 +236,7 @@ def fit(
         residual_ratio=excess,
         p_value=chance if known_size is not None or np.isfinite(sure) else float("nan"),
     )
-    scale = free_parameters.slopes(x)
+    scale = free_parameters.derivatives(x)
     covariance = coordinates * np.outer(scale, scale)
     deviations = np.sqrt(np.diag(covariance))
     return FitResult(
@@ -249,13 +249,13 @@ def fit(
         covariance=covariance,
         data=measured,
         best_fit=fitted,
-        initial_fit=begun,
+        initial_fit=initial_fit,
         mode_numbers=paired,
         residuals=residuals,
         error_std=size if limit < np.inf else float("nan"),
         error_std_estimated=known_size is None,
-        dof=freedom,
-        unidentifiable=seen.combinations(
+        dof=dof,
+        unidentifiable=identified.combinations(
             f,
             x,
             free_parameters,
@@ -264,7 +264,7 @@ def fit(
         ),
         certificate=certificate,
         uncertainty_source=spread.source,
-        parameter_dof=named(spread.freedom),
+        parameter_dof=named(spread.dof),
         per_dataset=tuple(named(free_parameters.values(at)) for at in item),
         nfev=sum(evaluations for *_, evaluations in candidates),
         elapsed=clock.elapsed,
@@ -299,7 +299,7 @@ def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array
     return sorted(result, key=lambda candidate: candidate[0])
 
 
-def _of_each(problem: _Problem, x: Array) -> Array:
+def _set_estimates(problem: _Problem, x: Array) -> Array:
     """Return the coordinates at which each of several data sets is fitted by itself, from the fit to all."""
     data, result = problem.data, []
     for k in range(data.sets if data.sets > 1 else 0):
@@ -308,23 +308,25 @@ def _of_each(problem: _Problem, x: Array) -> Array:
     return np.array(result)
 
 
-def _covariance(spread: Spread, seen: Seen) -> Array:
+def _covariance(spread: Spread, identified: IdentifiedSubspace) -> Array:
     """Return the covariance of the coordinates, infinite for parameters that are not identifiable."""
-    result, hidden = spread.covariance.copy(), np.flatnonzero(seen.hidden | ~(spread.freedom > 0.0))
+    result, hidden = spread.covariance.copy(), np.flatnonzero(identified.hidden | ~(spread.dof > 0.0))
     result[hidden] = np.nan
     result[:, hidden] = np.nan
     result[hidden, hidden] = np.inf
     return result
 
 
-def _intervals(problem: _Problem, cost: float, x: Array, seen: Seen, half: Array) -> tuple[Array, Array]:
+def _intervals(
+    problem: _Problem, cost: float, x: Array, identified: IdentifiedSubspace, half: Array
+) -> tuple[Array, Array]:
     """Compute the ends of the intervals of the linearized model, in units of the parameters.
 
     They are infinite (0 for a parameter above zero) out of reach.  A parameter whose logarithm is not bounded, such as the
     damping of an undamped structure, has the upper end of the model linear in the parameter itself, if the sum of squares
     rises there as this model predicts.
     """
-    free, unit = problem.free, seen.covariance()
+    free, unit = problem.free, identified.covariance()
     low, high = (free.values(end) for end in (x - half, x + half))
     open_low, open_high = (half > free.reach(x, sign) for sign in (-1, 1))
     low, high = np.where(open_low, np.where(free.logarithmic, 0.0, -np.inf), low), np.where(open_high, np.inf, high)

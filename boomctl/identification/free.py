@@ -10,8 +10,8 @@ from boomctl.arrays import Array
 from boomctl.checks import known, mapping, names, real
 from boomctl.structure.families import Family, interval
 
-_AROUND = 2.0  # factor up and down within which starts are drawn where no range is given (a choice)
-_FAR = 1e4  # factor up and down, without a range, within which the end of an interval is looked for (a choice)
+_AROUND = 2.0  # Factor up and down within which starts are drawn for a parameter without a range.
+_FAR = 1e4  # Factor up and down within which the end of an interval is searched without a range.
 
 
 @dataclass(frozen=True)
@@ -89,7 +89,7 @@ class FreeParameters:
             grown = self.start * np.exp(np.where(self.logarithmic, x, 0.0))
         return np.where(self.logarithmic, grown, self.start + self.scale * np.where(self.logarithmic, 0.0, x))
 
-    def slopes(self, x: Array) -> Array:
+    def derivatives(self, x: Array) -> Array:
         """Return the derivatives of the parameters with respect to their coordinates."""
         return np.where(self.logarithmic, self.values(x), self.scale)
 
@@ -112,7 +112,7 @@ class FreeParameters:
         far = np.where(self.logarithmic, np.log(_FAR), _FAR) + np.abs(x)
         return np.where(np.isfinite(end), np.abs(end - x), far)
 
-    def told(self, i: int, x: float) -> str:
+    def described(self, i: int, x: float) -> str:
         """Return a change of one coordinate in words."""
         if self.logarithmic[i]:
             return f"{self.names[i]} times {np.exp(x):.6g}"  # enough digits for what is said of a product to hold

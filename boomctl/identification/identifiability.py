@@ -10,12 +10,13 @@ from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
-_STEPS = 10.0 ** -np.arange(3.0, 12.0)  # of which slopes take the one that agrees best with the next
-_TRIED_STEPS = 6  # Number of steps for testing a combination that the Jacobian does not resolve.
+# Step sizes; the derivative at the step that agrees best with the next one is used.
+_STEPS = 10.0 ** -np.arange(3.0, 12.0)
+_TESTED_STEPS = 6  # Number of steps for testing a combination that the Jacobian does not resolve.
 _MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
 _ERROR_FACTOR = 10.0  # Singular values below this multiple of the error of the Jacobian are tested by differences.
-_TRIED_FACTOR = 3.0  # slopes along a combination above so many errors are not zero
+_TESTED_FACTOR = 3.0  # Derivative over its error above which a combination counts as identifiable.
 _ROUNDING = 1e-10  # relative singular value that is rounding error for any step
 _MIN_COMPONENT = 1e-3  # component of a unit vector from which a parameter belongs to a combination
 _MIN_TEXT_COMPONENT = 0.02  # relative component from which a parameter is named in the text
@@ -28,14 +29,14 @@ def differences(f: Callable[[Array], Array], x: Array, step: float, free: FreePa
 
 
 def _along(f: Callable[[Array], Array], x: Array, direction: Array, step: float, free: FreeParameters) -> Array:
-    """Compute the difference quotient along a direction, ``nan`` without room for a step.
+    """Compute the difference quotient along a direction, ``nan`` if no step is within the range.
 
     If the model raises on one side, or the range ends there, the difference is one-sided and of second order.
     """
     part, ends = direction != 0.0, []
     for sign in (-1.0, 1.0):
-        room = np.where(sign * direction > 0.0, free.high - x, x - free.low)[part] / np.abs(direction[part])
-        moved = min(step, float(room.min()))
+        distance = np.where(sign * direction > 0.0, free.high - x, x - free.low)[part] / np.abs(direction[part])
+        moved = min(step, float(distance.min()))
         value = f(np.clip(x + sign * moved * direction, free.low, free.high))
         if np.isfinite(value).all() and moved > _MIN_STEP_FRACTION * step:
             ends.append((sign * moved, value))
@@ -50,7 +51,7 @@ def _along(f: Callable[[Array], Array], x: Array, direction: Array, step: float,
     return 2.0 * half - whole if np.isfinite(half).all() else whole
 
 
-def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple[Array, Array]:
+def jacobian(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple[Array, Array]:
     """Compute the derivatives of the residuals, each column with the step that agrees best with the next smaller one.
 
     Returns
@@ -64,8 +65,8 @@ def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple
     ArithmeticError
         If the model raises on both sides of a parameter.
     """
-    tried = np.array([differences(f, x, step, free) for step in _STEPS])
-    error, size = (np.linalg.norm(item, axis=1) for item in (np.diff(tried, axis=0), tried[1:]))
+    quotients = np.array([differences(f, x, step, free) for step in _STEPS])
+    error, size = (np.linalg.norm(item, axis=1) for item in (np.diff(quotients, axis=0), quotients[1:]))
     ratio = error / np.where(size == 0.0, 1.0, size)
     ratio[np.isnan(ratio)] = np.inf
     best, columns = ratio.argmin(axis=0), np.arange(free.size)
@@ -75,7 +76,7 @@ def slopes(f: Callable[[Array], Array], x: Array, free: FreeParameters) -> tuple
             f"fit: the model raises at all values near {free.names[k]} = {free.values(x)[k]:.9g}."
             " Use a range that ends where the model does."
         )
-    return tried[best, :, columns].T, error[best, columns]
+    return quotients[best, :, columns].T, error[best, columns]
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,8 @@ class ParameterCombination:
 
 
 @dataclass(frozen=True)
-class Seen:
-    """Singular values of the slopes, largest first, and what follows from them.
+class IdentifiedSubspace:
+    """Singular values of the Jacobian, largest first, and the identifiable combinations.
 
     Attributes
     ----------
@@ -116,7 +117,9 @@ class Seen:
     directions: Array
 
     @classmethod
-    def of(cls, matrix: Array, error: Array, f: Callable[[Array], Array], x: Array, free: FreeParameters) -> "Seen":
+    def of(
+        cls, matrix: Array, error: Array, f: Callable[[Array], Array], x: Array, free: FreeParameters
+    ) -> "IdentifiedSubspace":
         """Compute the singular values; combinations that the Jacobian does not resolve are tested by differences.
 
         Columns are scaled to unit length, so that weak parameters do not drown in the errors of strong ones.
@@ -129,9 +132,12 @@ class Seen:
         hidden, anywhere, resolved = [], replace(free, low=np.full(p, -np.inf), high=np.full(p, np.inf)), 0.0
         for row in rows[values <= least] / size:
             direction = row / np.linalg.norm(row)
-            tried = [_along(f, x, direction, step, anywhere) for step in _STEPS[:_TRIED_STEPS]]
-            smallest = min((float(np.linalg.norm(item)) for item in tried if np.isfinite(item).all()), default=0.0)
-            if smallest > _TRIED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max():
+            quotients = [_along(f, x, direction, step, anywhere) for step in _STEPS[:_TESTED_STEPS]]
+            smallest = min((float(np.linalg.norm(item)) for item in quotients if np.isfinite(item).all()), default=0.0)
+            if (
+                smallest
+                > _TESTED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max()
+            ):
                 resolved = min(resolved or smallest, smallest)
             else:
                 hidden.append(direction)
@@ -206,5 +212,5 @@ def _combination(
             return None
         said, end = _CHANGES[-1], "changes what was measured by less, the smaller it is: its slope is zero"
     listed = [int(i) for i in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[i]) > _MIN_TEXT_COMPONENT]
-    text = " with ".join(free.told(i, scaled[i] * said) for i in listed)
+    text = " with ".join(free.described(i, scaled[i] * said) for i in listed)
     return ParameterCombination({free.names[i]: float(scaled[i]) for i in listed}, weak, f"{text} {end}")

@@ -32,20 +32,20 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-_SMOOTH = 31  # lines over which powers are averaged for that (a choice)
+_SMOOTH = 31  # Lines over which the powers of inputs are averaged to determine the band.
 _LOWEST = tuple(EXCITED * 10.0**-k for k in range(5))  # least power of an input in the band over its largest, in turn
-_TOGETHER = 1e-4  # least eigenvalue of the inputs' correlation, below which they move together (a choice)
-_TOP = 0.98  # of half the sampling rate: above, filters and what folds over say more than the structure (a choice)
-_EXPLAINED = 50.0  # per cent of the outputs: less left, and the inputs explain them, though without modes (a choice)
-_FOLDED, _LARGE = 0.95, 0.2  # of half the sampling rate, and of the energy: what folds over looks like that (a choice)
+_TOGETHER = 1e-4  # Least eigenvalue of the inputs' correlation; below it the inputs are dependent.
+_TOP = 0.98  # Highest frequency over half the sampling rate: above it, filters and aliasing dominate.
+_EXPLAINED = 50.0  # Residual [% of the outputs] below which the inputs explain the outputs, though without modes.
+_FOLDED, _LARGE = 0.95, 0.2  # Aliased poles: least frequency over half the sampling rate, least fraction of the energy.
 _ORDERS = 11  # Number of orders, from half to the highest.
-_HIGHEST = 60  # order where none is said: some three times as many as modes are sought (a choice)
+_HIGHEST = 60  # Default order: about three times the expected number of modes.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
 _QUIET = 0.2  # RMS of the held-back outputs over those that are fitted, below which the fit is not checked.
 _POOR = 50.0  # Fit [%] below which a warning is given.
 _WIDEST = 20.0  # logarithm of a factor of damping: it is not determined then
-_LOSS = 1.0  # points of the fit that a structure may cost (a choice)
+_LOSS = 1.0  # Largest loss of fit [%] by the conversion to a structure.
 _FEEDBACK = 6.0  # deviations of a correlation of errors with inputs that come later: one in a thousand million
 _LATER = 3  # Excluded lags: the band correlates neighbors.
 
@@ -63,9 +63,9 @@ class IdentifiedMode:
     frequency_interval_hz, damping_ratio_interval : (float, float)
         Intervals of ``confidence_level`` of the mean over the record, from blocks of it.
     shape : (p,) ndarray
-        How the outputs move in the mode, as displacements; complex, the largest is one.
+        Mode shape at the outputs, as displacements; complex, the largest component is one.
     energy_fraction : float
-        Of the energy of what inputs move, outputs in units of their size, in that of all modes.
+        Energy of the mode's response to the inputs, outputs scaled by their magnitude, over the sum of all modes.
     stabilization : float
         Fraction of the orders with a stable pole at the mode; 0 if it was found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
@@ -99,7 +99,7 @@ class RealPole:
     rate_interval : (float, float)
         Interval of ``confidence_level`` of the mean over the record.
     rate_prediction_interval : (float, float)
-        Interval of ``confidence_level`` of what another record of the kind gives.
+        Interval of ``confidence_level`` for another record of the kind.
     """
 
     rate: float
@@ -138,7 +138,7 @@ class IdentificationResult:
     parts : int
         Long parts of the record, or records, that prediction intervals come from.
     uncertainty_source : str
-        What intervals and validation come from.
+        Origin of intervals and validation.
     stabilization_poles : dict of int to ndarray
         Poles [rad/s] at each order, before the fit.
     validation_spectra : (3, n) ndarray
@@ -182,13 +182,14 @@ class IdentificationResult:
         Parameters
         ----------
         probability : float
-            That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
+            Probability that the box contains all parameters, between 0.5 and 1: ranges are wider than intervals, by
+            Bonferroni's bound.
         range_margin : float
-            Share of each value by which its range is widened to either side, for what changes after the measurement.
+            Fraction of each value by which its range is widened to either side, for changes after the measurement.
         union_with : sequence of Identification
             Results of other records, such as other levels or days: the box is the smallest that contains the boxes of all.
             Modes are paired by frequency, each with the nearest within a tenth; a mode that another record does not have
-            keeps its range.  Residues are those of this record.
+            keeps its range.  The residues of this record are used.
 
         Returns
         -------
@@ -223,7 +224,7 @@ class IdentificationResult:
 
     @property
     def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:
-        """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], degrees of freedom."""
+        """Value and prediction interval of each frequency [Hz], damping ratio and real pole [rad/s], and dof."""
         result = {}
         for k, mode in enumerate(self.modes):
             frequency = mode.frequency_hz, *mode.frequency_prediction_interval_hz
@@ -298,9 +299,9 @@ class IdentificationResult:
         Parameters
         ----------
         ax : sequence of two matplotlib Axes, or a figure, optional
-            Where to draw; by default a new figure of pyplot.
+            Axes; by default a new figure of pyplot.
         **style
-            Of what is measured, as matplotlib's lines take it.
+            Line properties of matplotlib for the measured curves.
 
         Returns
         -------
@@ -331,36 +332,36 @@ def identify(
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
-        Samples, a row a sample; several records as a list.  Or FrequencyResponseData alone, in place of inputs; one of
-        `estimate_frequency_response` is fitted to its record, within its frequencies, and validated on all of it.
+        Samples, one row per sample; several records as a list.  Or only FrequencyResponseData instead of inputs; for a result
+        of `estimate_frequency_response` its record is fitted, within its frequencies, and the full record validated.
     sample_time : float
         Time between samples [s].
     modes : int, optional
-        How many modes the band has.  By default all that have evidence.
+        Number of modes in the band.  By default all modes with evidence.
     rigid_body : {0, 1, 2}, optional
         Integrators of the plant: 1 for a motor whose angle is measured, 2 for a body that a force moves freely, 0 for none.
-        By default found.
+        By default determined from the data.
     frequency_range_hz : (float, float), optional
-        Frequencies of the modes wanted [Hz].  By default where all inputs have power.
+        Frequency range of the modes [Hz].  By default the range in which all inputs have power.
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these, optional
-        What each output is; by default displacements, or what a response of `estimate_frequency_response` says.
+        Quantity of each output; by default displacement, or the quantity of a result of `estimate_frequency_response`.
     intersample : "bl" or "zoh", optional
         Inputs between samples: band-limited (a measurement behind an anti-alias filter) or zero-order hold (a computed
         command).  By default determined from the record.
     validation_fraction : float
-        Share of each record, at its end, that the model is validated on and never fitted to; 0: validated on all.
+        Fraction of each record, at its end, for validation only; 0: validation on the fitted data.
     order : int, optional
         Highest order of the common denominators; the modes depend weakly on it.
     confidence_level : float
-        Of the intervals, between 0.5 and 1.
+        Confidence of the intervals, between 0.5 and 1.
     error_model : "relative" or "absolute", optional
-        How errors of a measured frequency response grow: with its size, or not at all; by default the likelier of the two.
-        A mean of periods has its own, a response with repeated frequencies that of the repetitions.
+        Errors of a measured frequency response: proportional to its magnitude, or constant; by default the likelier model.
+        Must be None if the scatter of periods or of repeated frequencies gives the errors.
 
     Returns
     -------
     Identification
-        Modes with intervals, a ``StateSpace``, a structure where there is one, and the fit on what was held back.
+        Modes with intervals, a ``StateSpace``, a structure if one exists, and the fit on the validation data.
 
     Raises
     ------
@@ -371,25 +372,25 @@ def identify(
     Warns
     -----
     BoomctlWarning
-        Inputs follow from errors of the outputs: the record was taken in a closed loop.  An output is predicted by less than
-        50 %.  The record does not show `intersample`.
+        If inputs depend on errors of the outputs, as in a closed loop, the fit of an output is below 50 %, or the record does
+        not determine `intersample`.
 
     Notes
     -----
     The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer, Guillaume &
     Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues and free motions
-    solved for (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
+    eliminated (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
     factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals, alone or as
-    a close pair, pass the same test in a separate window; close to another mode they must also lower the error on left-out
-    blocks.  Integrators, up to two real poles, and pairs of poles outside the band are added only where
-    that error falls.
+    a close pair, pass the same test in a separate window; close to another mode they must also lower the error on omitted
+    blocks (cross-validation).  Integrators, up to two real poles, and pairs of poles outside the band are added only if this
+    error falls.
 
-    The fit is that of a free run: the exported system, driven by the inputs alone from one initial state, over the part of
-    the record that is held back.  Then the model is fitted to the whole record.
+    The fit on the validation data is computed by a free run: simulation of the exported system with the inputs alone, from
+    one initial state.  Then the model is fitted to the full record.
 
-    Intervals of the mean come from blocks of the record with equal information that are left out (jackknife), so that they
-    also hold for colored errors.  Prediction intervals come from four long parts of the record in the same way, or from each
-    of several records: they include how the structure changes with time and level.
+    Intervals of the mean come from omitting blocks of the record with equal information (jackknife), so that they also hold
+    for colored errors.  Prediction intervals come from four long parts of the record in the same way, or from each of several
+    records: they include changes of the structure with time and level.
 
     Examples
     --------
@@ -474,7 +475,7 @@ def identify(
         inside = _inside(fit, ends)
     if not inside.any() or (wanted or 0) > inside.sum():
         raise ValueError(_no_mode(fit, wanted or 1, int(inside.sum()), low, high))
-    folded = fit.poles[inside & (fit.shares > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
+    folded = fit.poles[inside & (fit.energy_fractions > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
     if len(folded):
         raise ValueError(
             f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
@@ -493,8 +494,8 @@ def identify(
     if data.lengths:
         _said_of_feedback(fit)
     model = simple.with_real_directions(fit.data, _LOSS).structure(*names, tuple(QUANTITIES[kind] for kind in kinds))
-    shares = fit.shares / fit.shares.sum()
-    doubtful = np.any(np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None], axis=1)
+    fractions = fit.energy_fractions / fit.energy_fractions.sum()
+    ambiguous = np.any(np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None], axis=1)
     rows = tuple(
         _mode(
             fit.poles[k],
@@ -502,9 +503,9 @@ def identify(
             wider[k],
             simple.c[k],
             kinds,
-            shares[k],
+            fractions[k],
             _steadiness(fit.poles[k], result, len(orders)),
-            doubtful[k],
+            ambiguous[k],
         )
         for k in range(number)
     )
@@ -550,13 +551,13 @@ def _inside(fit: CommonPoles, ends: tuple[float, float]) -> Array:
     return (fit.poles.imag > 0.0) & (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
 
 
-def _no_mode(fit: CommonPoles, wanted: int, found: int, low: float, high: float) -> str:
+def _no_mode(fit: CommonPoles, wanted: int, tracks: int, low: float, high: float) -> str:
     noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
-    bare = not found and not fit.integrators and not len(fit.poles)
+    bare = not tracks and not fit.integrators and not len(fit.poles)
     turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
     remedy = "" if turned else "; a longer record, more excitation or another band would help"
     return (
-        f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {found}:"
+        f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {tracks}:"
         f" {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}{remedy}"
     )
 
@@ -583,25 +584,25 @@ def _merged(response: Any) -> Any:
     """
     omega = np.asarray(response.omega)
     order = np.argsort(omega, kind="stable")
-    place = np.append(0, np.cumsum(np.diff(omega[order]) > ALIKE * omega[order][1:]))
-    counts = np.bincount(place)
+    group = np.append(0, np.cumsum(np.diff(omega[order]) > ALIKE * omega[order][1:]))
+    counts = np.bincount(group)
     if hasattr(response, "deviation") or counts.max() == 1:
         return response
     G = np.asarray(response.frdata)[..., order]
-    groups = [G[..., place == k] for k in range(len(counts))]
+    groups = [G[..., group == k] for k in range(len(counts))]
     middle = np.stack([np.median(np.real(g), axis=-1) + 1j * np.median(np.imag(g), axis=-1) for g in groups], axis=-1)
-    apart = [np.square(np.abs(g - middle[..., [k]])).mean(axis=-1) / counts[k] for k, g in enumerate(groups)]
-    spread, size = np.sqrt(np.stack(apart, axis=-1)), np.maximum(np.abs(middle), np.finfo(float).tiny)
+    variances = [np.square(np.abs(g - middle[..., [k]])).mean(axis=-1) / counts[k] for k, g in enumerate(groups)]
+    spread, size = np.sqrt(np.stack(variances, axis=-1)), np.maximum(np.abs(middle), np.finfo(float).tiny)
     typical = np.median((spread / size)[..., counts > 1], axis=-1, keepdims=True)
     labels = {"inputs": response.input_labels, "outputs": response.output_labels}
-    merged = control.frd(middle, omega[order][np.append(0, np.flatnonzero(np.diff(place)) + 1)], **labels)
+    merged = control.frd(middle, omega[order][np.append(0, np.flatnonzero(np.diff(group)) + 1)], **labels)
     merged.deviation = np.hypot(spread, typical * size)
     merged.quantity = getattr(response, "quantity", ("displacement",) * len(middle))
     return merged
 
 
 def _deviations(response: Any, errors: str | None) -> dict[str, Array | None]:
-    """Return how large the errors of a measured response may be, up to a factor for each output, by words on that."""
+    """Return the error magnitudes of a measured response, up to a factor for each output, by their description."""
     if hasattr(response, "deviation"):
         if errors is not None:
             raise TypeError(f"error_model = {errors!r}: expected None for a response that says its own deviation")
@@ -624,9 +625,9 @@ def _mode(
     wider: Array,
     c: Array,
     kinds: tuple[str, ...],
-    share: float,
+    fraction: float,
     orders: float,
-    doubtful: bool,
+    ambiguous: bool,
 ) -> IdentifiedMode:
     shape = c / np.array([pole ** QUANTITIES[kind] for kind in kinds])
     shape = shape / shape[np.argmax(np.abs(shape))]
@@ -636,7 +637,7 @@ def _mode(
     dampings = [(low, min(high, 1.0)) for low, high in (_factors(damping, half) for half in (step[0], wider[0]))]
     intervals = frequencies[0], dampings[0]
     return IdentifiedMode(
-        hz, damping, *intervals, shape, float(share), orders, frequencies[1], dampings[1], bool(doubtful)
+        hz, damping, *intervals, shape, float(fraction), orders, frequencies[1], dampings[1], bool(ambiguous)
     )
 
 
@@ -659,10 +660,10 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
     if frequency_range_hz is None:
         window = np.ones(_SMOOTH) / _SMOOTH
         power = np.array([np.convolve(np.square(np.abs(item)), window, mode="same") for item in U.T])
-        share = (power / power.max(axis=1, keepdims=True)).min(axis=0)
+        fraction = (power / power.max(axis=1, keepdims=True)).min(axis=0)
         driven = np.zeros(0, int)
         for least in _LOWEST:  # low-pass inputs leave few lines at the first
-            driven = np.flatnonzero(share > least)
+            driven = np.flatnonzero(fraction > least)
             if len(driven) and driven[-1] - driven[0] > least_lines * len(hz) / min(len(u) // 2 + 1 for u in record.u):
                 break
         if not len(driven):
@@ -692,9 +693,9 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
     return low, high
 
 
-def _steadiness(pole: complex, found: Any, orders: int) -> float:
-    """Return at which share of the orders a pole near this one stood."""
-    near = [len(t.orders) for t in found if abs(t.pole - pole) < -pole.real]
+def _steadiness(pole: complex, tracks: Any, orders: int) -> float:
+    """Return the fraction of the orders with a pole near this one."""
+    near = [len(t.orders) for t in tracks if abs(t.pole - pole) < -pole.real]
     return max(near, default=0) / orders
 
 

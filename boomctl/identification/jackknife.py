@@ -27,7 +27,7 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
     (k, 2) ndarray
         Of the logarithm of each pole's decay rate, and of its frequency over the decay rate.
     """
-    columns, factors, p = fit.slopes, fit.factors, fit.residuals.shape[1]
+    columns, factors, p = fit.pole_jacobian, fit.factors, fit.residuals.shape[1]
     k, w = columns.shape[1:]
     together = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
     total = fit.normal_equations[0]
@@ -36,17 +36,17 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
 
     def information(part: Array) -> Array:
         """Return the fraction of each row in the curvature of each parameter, summed over the parameters."""
-        slopes = part[:, : k * w].reshape(-1, k, w).transpose(1, 0, 2)
-        return ((slopes @ weights) * slopes).sum(axis=(0, 2))
+        jacobian = part[:, : k * w].reshape(-1, k, w).transpose(1, 0, 2)
+        return ((jacobian @ weights) * jacobian).sum(axis=(0, 2))
 
     steps = []
     for block in _blocks(fit, together, count, information):
-        slopes, basis, left = np.split(block, [k * w, -p], axis=1)
-        own = curvature(factors, slopes.T @ slopes)
-        gradient = pull(factors, slopes.T @ (left + _left_out(basis, left)))
+        jacobian, basis, left = np.split(block, [k * w, -p], axis=1)
+        own = curvature(factors, jacobian.T @ jacobian)
+        gradient = pull(factors, jacobian.T @ (left + _left_out(basis, left)))
         steps.append(np.linalg.solve(total - _LEVERAGE * own, gradient))
-    apart = np.array(steps) - np.mean(steps, axis=0)
-    return np.sqrt(np.square(apart).sum(axis=0) * (len(steps) - 1) / len(steps)).reshape(-1, 2)
+    deviations = np.array(steps) - np.mean(steps, axis=0)
+    return np.sqrt(np.square(deviations).sum(axis=0) * (len(steps) - 1) / len(steps)).reshape(-1, 2)
 
 
 def left_out_errors(fit: CommonPoles) -> Array:

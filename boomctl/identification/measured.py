@@ -30,7 +30,7 @@ from boomctl.structure.model import SecondOrderModel
 ERRORS = ("relative", "absolute")
 RESPONSE = "complex frequency response"
 BOUNDED = "bounded relative"  # for the search alone
-_MISSED = 3  # Modes of the model in addition to the measured ones, for the pairing.
+_FURTHER_MODES = 3  # Modes of the model in addition to the measured ones, for the pairing.
 _LEFT_OUT = 1e3  # relative spread with which values that are left out are paired with modes
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
@@ -49,19 +49,19 @@ class Measured:
     spread : ndarray
         Relative magnitudes of the errors, in the shape of ``values``; infinite for omitted values.
     errors : "relative" or "absolute"
-        Whether errors are of the logarithm or of the value itself.
+        Errors of the logarithm, or of the value itself.
     omega : (n,) ndarray or None
-        Angular frequencies [rad/s], those of several data sets one set after the other.
+        Angular frequencies [rad/s]; several data sets are concatenated.
     modes : tuple of int or None
-        Which mode of the model each eigenfrequency is, from 1; None: the nearest.
+        Mode number of each eigenfrequency, from 1; None: the nearest mode.
     inputs, outputs : str, sequence of str or None
         Signals that the user named.
     labels : (tuple of str, tuple of str) or None
         Inputs and outputs of the measured data.
     member : (n,) ndarray of int, or None
-        Which of several data sets each entry of the last axis of ``values`` is from; None: there is one.
+        Index of the data set of each entry of the last axis of ``values``; None for one data set.
     noise : ndarray or None
-        Deviation of each value as a share of its ``spread``, where the measurement says it.
+        Deviation of each value relative to its ``spread``, if the measurement includes it.
     """
 
     kind: str
@@ -161,9 +161,9 @@ class Measured:
     @property
     def scale(self) -> float:
         """Root mean square of the residuals for a relative error of one."""
-        kept = self.kept
-        size = np.abs(self.values[kept]) if self.errors == "absolute" else 1.0
-        return float(np.sqrt(np.mean(np.square(size / self.spread[kept]))))
+        mask = self.kept
+        size = np.abs(self.values[mask]) if self.errors == "absolute" else 1.0
+        return float(np.sqrt(np.mean(np.square(size / self.spread[mask]))))
 
     def paired(self, offered: Array) -> tuple[int, ...]:
         """Return which of the modes offered each eigenfrequency is, from 1: unless it is known, the nearest ones.
@@ -177,8 +177,8 @@ class Measured:
         if self.member is not None:
             return tuple(mode for k in range(self.sets) for mode in self.one(k).paired(offered))
         spread = np.minimum(self.spread, _LEFT_OUT * self.spread[self.kept].max())
-        apart = _difference(offered, self.values[:, None], self.errors) / spread[:, None]
-        return tuple((linear_sum_assignment(np.square(apart))[1] + 1).tolist())
+        errors_of_pairs = _difference(offered, self.values[:, None], self.errors) / spread[:, None]
+        return tuple((linear_sum_assignment(np.square(errors_of_pairs))[1] + 1).tolist())
 
     def difference(self, fitted: Array) -> Array:
         """Return measured less fitted; of relative errors, of the logarithms."""
@@ -202,19 +202,19 @@ class Measured:
             at = np.reshape(np.asarray(at), (sets, -1))
             if (at == at[0]).all():
                 scaled = np.where(self.kept, differences / self.spread, 0.0)
-                apart = scaled.reshape(*scaled.shape[:-1], sets, -1)
-                within = float(np.square(np.abs(apart - apart.mean(axis=-2, keepdims=True))).sum())
-                freedom = self.size * (1.0 - 1.0 / sets)
-                return within / freedom, freedom
+                by_set = scaled.reshape(*scaled.shape[:-1], sets, -1)
+                within = float(np.square(np.abs(by_set - by_set.mean(axis=-2, keepdims=True))).sum())
+                dof = self.size * (1.0 - 1.0 / sets)
+                return within / dof, dof
         return (float("nan") if self.noise is None else float(np.square(self.noise[self.kept]).mean())), np.inf
 
     def residuals(self, fitted: Array) -> Array:
-        """Return the differences over their spread, real, those left out left out."""
-        kept = self.kept
+        """Return the included differences over their spread, as real numbers."""
+        mask = self.kept
         if self.errors == BOUNDED:
-            spread = self.spread[kept]
-            return np.concatenate([part / spread for part in _on_the_sphere(fitted[kept] / self.values[kept])])
-        scaled = (self.difference(fitted)[kept] / self.spread[kept]).ravel()
+            spread = self.spread[mask]
+            return np.concatenate([part / spread for part in _on_the_sphere(fitted[mask] / self.values[mask])])
+        scaled = (self.difference(fitted)[mask] / self.spread[mask]).ravel()
         return np.concatenate([scaled.real, scaled.imag]) if np.iscomplexobj(self.values) else scaled
 
 
@@ -289,17 +289,17 @@ def _spread(weights: object, values: Array) -> Array:
     """Return the inverse of the weights, in the shape of the values."""
     if weights is None:
         return np.ones(values.shape)
-    given = finite_array("weights", weights)  # type: ignore[arg-type]
+    checked = finite_array("weights", weights)  # type: ignore[arg-type]
     try:
-        whole_given = np.broadcast_to(given, values.shape)
+        full = np.broadcast_to(checked, values.shape)
     except ValueError:
-        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {given.shape}.") from None
-    if (given < 0.0).any() or not (given > 0.0).any() or (given[given > 0.0] < _MIN_WEIGHT).any():
+        raise ValueError(f"`weights` must have the measured shape {values.shape}, got {checked.shape}.") from None
+    if (checked < 0.0).any() or not (checked > 0.0).any() or (checked[checked > 0.0] < _MIN_WEIGHT).any():
         raise ValueError(
-            f"`weights` must be zeros and numbers above {_MIN_WEIGHT:g}, got {given.min():g} to {given.max():g}."
+            f"`weights` must be zeros and numbers above {_MIN_WEIGHT:g}, got {checked.min():g} to {checked.max():g}."
         )
     with np.errstate(divide="ignore"):
-        return 1.0 / whole_given
+        return 1.0 / full
 
 
 def answered(model: Any, data: Measured) -> tuple[Array, tuple[int, ...] | None]:
@@ -315,7 +315,7 @@ def answered(model: Any, data: Measured) -> tuple[Array, tuple[int, ...] | None]
 def _frequencies(model: Any, data: Measured) -> Array:
     """Return the eigenfrequencies that a model offers [Hz]: some more than were measured, unless their modes are known."""
     least = data.least
-    wanted = least if data.modes else least + _MISSED
+    wanted = least if data.modes else least + _FURTHER_MODES
     if isinstance(model, SecondOrderModel):
         offered = np.zeros(0)
         for count in range(min(wanted, model.ncoordinates), 0, -1):
@@ -384,10 +384,10 @@ def _signals(data: Measured, model: Any) -> tuple[Sequence[str] | None, Sequence
     return result[0], result[1]
 
 
-def _of_data(model: Any, data: Measured, asked: Array) -> Array:
+def _of_data(model: Any, data: Measured, omega: Array) -> Array:
     """Return the frequency response between the selected signals, at the measured frequencies."""
     grid = np.asarray(model.omega)
-    if grid.shape != asked.shape or not np.allclose(grid, asked, rtol=ALIKE, atol=0.0):
+    if grid.shape != omega.shape or not np.allclose(grid, omega, rtol=ALIKE, atol=0.0):
         raise ValueError("model: expected a response at the measured frequencies, ascending")
     there = SimpleNamespace(input_labels=tuple(model.input_labels), output_labels=tuple(model.output_labels))
     ins, outs = _signals(data, there)

@@ -15,9 +15,9 @@ QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
 """What an output is, and how often a displacement was differentiated for it."""
 INTERSAMPLE = ("bl", "zoh")
 """Inputs between samples: band-limited or zero-order hold."""
-EXCITED = 1e-3  # of the largest power of an input: less says nothing (3 % of its amplitude; a choice)
-_FEWEST = 32  # samples of a record: fewer tell nothing of a response (a choice)
-_STILL = 16  # samples in a row in which nothing moves at all, amid a record that moves: a gap (a choice)
+EXCITED = 1e-3  # Least power of an input over its largest, to count as excited: 3 % of its amplitude.
+_FEWEST = 32  # Fewest samples of a record.
+_STILL = 16  # Constant samples in a row, within a record that changes, that count as a gap.
 _LEVELS = 16  # Largest number of values of a coarse signal, which may be at its limits without saturation.
 _CLIPPED = 5  # least ratio of samples at a limit to samples at the value next to it, of a signal cut off
 _FAST, _UNIFORM, _FEW_VISITS = 2.9, 2.3, 3  # largest ratios of distances before a limit, of many and of few visits
@@ -140,10 +140,10 @@ def band(frequency_range_hz: Any, top: float) -> tuple[float, float]:
     return low, high
 
 
-def _signals(what: str, given: Any, word: str) -> tuple[tuple[str, ...], list[Array]]:
+def _signals(what: str, values: Any, word: str) -> tuple[tuple[str, ...], list[Array]]:
     """Return names and records of signals: of one record or of a sequence of them, arrays or mappings."""
-    several = isinstance(given, (list, tuple)) and all(_is_record(x, len(given)) for x in given)
-    result = [_one(what, item, word) for item in (given if several or np.ndim(_bare(given)) == 3 else [given])]
+    several = isinstance(values, (list, tuple)) and all(_is_record(x, len(values)) for x in values)
+    result = [_one(what, item, word) for item in (values if several or np.ndim(_bare(values)) == 3 else [values])]
     if not result:
         raise ValueError(f"{what}: expected at least one record, got none")
     if any(names != result[0][0] for names, _ in result):
@@ -159,23 +159,23 @@ def _is_record(item: Any, count: int) -> bool:
     return vector and len(item) >= max(_FEWEST, count) and np.ndim(item[0]) == 0
 
 
-def _bare(given: Any) -> Any:
-    return given if isinstance(given, np.ndarray) else 0.0
+def _bare(values: Any) -> Any:
+    return values if isinstance(values, np.ndarray) else 0.0
 
 
-def _one(what: str, given: Any, word: str) -> tuple[tuple[str, ...], Array]:
-    if not isinstance(given, Mapping):
-        data = finite_array(what, given)
+def _one(what: str, values: Any, word: str) -> tuple[tuple[str, ...], Array]:
+    if not isinstance(values, Mapping):
+        data = finite_array(what, values)
         data = data[:, None] if data.ndim == 1 else data
         if data.ndim != 2 or not data.shape[1]:
             raise ValueError(f"{what}: expected samples x signals, got shape {data.shape}")
         if data.shape[1] > len(data):
             raise ValueError(f"{what}: expected a row a sample, got shape {data.shape}; is it transposed?")
         return tuple(f"{word}_{k + 1}" for k in range(data.shape[1])), data
-    if not given:
+    if not values:
         raise ValueError(f"{what}: expected at least one signal, got none")
-    names = tuple(signal_name(f"name in {what}", name) for name in given)
-    columns = [finite_array(f"{what}[{name!r}]", values, ndim=1) for name, values in given.items()]
+    names = tuple(signal_name(f"name in {what}", name) for name in values)
+    columns = [finite_array(f"{what}[{name!r}]", column, ndim=1) for name, column in values.items()]
     for name, column in zip(names, columns, strict=True):
         if len(column) != len(columns[0]):
             raise ValueError(f"{what}: expected {len(columns[0])} samples of {name!r}, got {len(column)}")
@@ -228,8 +228,8 @@ def _not_clipped(name: str, signals: Sequence[Array]) -> None:
     if len(values) <= _LEVELS:
         return
     quantum = max(float(np.diff(values).min()), _FLAT * float(np.ptp(values)))
-    for limit, there, beside in ((values[0], counts[0], counts[1]), (values[-1], counts[-1], counts[-2])):
-        if there < _CLIPPED * max(beside, 2):
+    for limit, there, adjacent in ((values[0], counts[0], counts[1]), (values[-1], counts[-1], counts[-2])):
+        if there < _CLIPPED * max(adjacent, 2):
             continue
         visits, growth = _approach(signals, limit, quantum)
         if visits and growth < (_FAST if visits > _FEW_VISITS else _UNIFORM):

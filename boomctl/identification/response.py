@@ -22,9 +22,7 @@ _DEGREE = 2  # of the polynomials in frequency whose ratios response and transie
 _POLES = 2  # degree of their denominator
 _REGULAR = 1e-8  # Least singular value of columns of length one that are not taken for dependent.
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
-_INDEPENDENT = (
-    0.01  # least singular value of a local fit's columns of length one: its answer loses two digits (a choice)
-)
+_INDEPENDENT = 0.01  # Least singular value of a local fit's unit columns: the result loses two digits.
 _BLOCKS = 12  # of frequencies, whose scatter gives the deviation of the lag
 _LEAST_LAG, _SURE = 0.15, 2.0  # ratio of lags from -1 (none) to 1 (half a sample): least absolute value, deviations
 _REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real but near resonances
@@ -110,17 +108,18 @@ def estimate_frequency_response(
     sample_time : float
         Time between samples [s].
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these
-        What each output is: `bc.identify` must know it.
+        Quantity of each output; used by `bc.identify`.
     intersample : "bl" or "zoh", optional
-        Inputs between samples: band-limited (a measurement behind an anti-alias filter, as that of a shaker force) or
+        Inputs between samples: band-limited (a measurement behind an anti-alias filter, such as a shaker force) or
         zero-order hold (a computed command).  By default determined from the record.
     period : float, optional
-        Of the excitation [s], if it repeats.  The response is then that of the mean period, and its deviation that of
-        the periods; the record begins in the steady state.  Needs as many records as inputs, each driven another way.
+        Period of the excitation [s], if it repeats.  The response is then computed from the mean period, and its deviation
+        from the periods; the record must begin in the steady state.  Needs as many records as inputs, each with a different
+        excitation.
     resolution_hz : float, optional
-        Between two frequencies of the result.  By default the finest at which neighbors are nearly uncorrelated.
+        Spacing of the frequencies of the result.  By default the finest with nearly uncorrelated neighbors.
     frequency_range_hz : (float, float), optional
-        Frequencies wanted [Hz].  By default all at which the inputs have power.
+        Frequency range of the result [Hz].  By default all frequencies at which the inputs have power.
 
     Returns
     -------
@@ -130,15 +129,15 @@ def estimate_frequency_response(
     Raises
     ------
     TypeError, ValueError
-        Signals of unlike lengths, not finite, constant, cut off or with gaps; a record too short; inputs that do not
-        excite, or not independently; a band beyond half the sampling rate.
+        If signals differ in length, are not finite, constant, saturated or have gaps; the record is too short; the inputs do
+        not excite, or are dependent; or the band is beyond half the sampling rate.
 
     Notes
     -----
     Response and transients are ratios of polynomials over a few lines of the spectrum, by linear least squares (local
     rational method, McKelvey & Guerin 2012), so that a record may begin and end in motion and resonances may be narrower
-    than a line.  A record of one early impact is taken to begin at rest.
-    Of held inputs the response is divided by that of the hold; what folds over from above half the sampling rate stays.
+    than a line.  A record of one early impact is assumed to begin at rest.
+    For held inputs the response is divided by the response of the hold; aliasing from above half the sampling rate remains.
 
     Examples
     --------
@@ -219,9 +218,9 @@ def _intersample_of_outputs(record: Record) -> str | None:
     size = np.sqrt(np.square(np.abs(G)) + variance + np.finfo(float).tiny)
     held = G * np.exp(1j * half)
     row = np.sin(half) / size
-    instant = (held.imag / size * row).sum(axis=2) / np.square(row).sum(axis=2)
-    instant *= np.array([kind == "acceleration" for kind in record.quantity])[:, None]
-    held = held - instant[..., None] * np.expm1(1j * half)
+    feedthrough = (held.imag / size * row).sum(axis=2) / np.square(row).sum(axis=2)
+    feedthrough *= np.array([kind == "acceleration" for kind in record.quantity])[:, None]
+    held = held - feedthrough[..., None] * np.expm1(1j * half)
     real, late = ((x**2).real / (np.square(np.abs(x)) + variance + np.finfo(float).tiny) for x in (G, held))
     gain = (late - real).sum(axis=(0, 1))
     clear = np.square(np.abs(G) / size)

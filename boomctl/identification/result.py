@@ -1,4 +1,4 @@
-"""The result of a fit: parameters, how sure they are, what the measurements do not see."""
+"""Result of a fit: parameters, confidence intervals, unidentifiable combinations."""
 
 import pickle
 from collections.abc import Sequence
@@ -46,30 +46,30 @@ class FitResult(Summarized):
         Covariance of the free parameters, from ``uncertainty_source``, in the parameters' units; ``inf`` and ``nan`` in rows
         and columns of parameters that are not identifiable.
     data : Measured
-        What was fitted to, as it was compared.
+        Measured data, in the form in which they are compared with the model.
     best_fit, initial_fit : ndarray
-        The model's values in the places of those measured, at the fit and at the start.
+        Values of the model that correspond to the measured values, at the fit and at the start.
     mode_numbers : tuple of int or None
-        Which mode of the model each measured eigenfrequency is, from 1.
+        Mode number of each measured eigenfrequency, from 1.
     residuals : ndarray
-        Measured less fitted, in the shape of ``best_fit``: of relative errors the difference of logarithms.
+        Measured less fitted values, in the shape of ``best_fit``: for relative errors the difference of logarithms.
     error_std : float
-        Standard deviation of the errors (relative or absolute, of weight 1; of complex values, of each part): as given,
-        or estimated from the residuals; ``nan`` where there are too few to tell.
+        Standard deviation of the errors (relative or absolute, of weight 1; for complex values, of each part), as specified
+        or estimated from the residuals; ``nan`` if there are too few residuals.
     error_std_estimated : bool
-        Whether ``error_std`` was estimated.
+        True if ``error_std`` was estimated.
     dof : int
-        Number of measured values less that of identifiable combinations of parameters.
+        Number of measured values less the number of identifiable combinations of parameters.
     unidentifiable : tuple of ParameterCombination
         Combinations of parameters that are not or weakly identifiable.
     certificate : FitCertificate
         Verification of the fit, independent of the solver.
     uncertainty_source : str
-        What the intervals come from: data sets, blocks of frequencies, or residuals taken for independent.
+        Origin of the intervals: data sets, blocks of frequencies, or residuals treated as independent.
     parameter_dof : dict of str to float
-        Dof of each standard error, for Student's t; infinite if the deviation was given.
+        Dof of each standard error, for Student's t; infinite if ``error_std`` was specified.
     per_dataset : tuple of dict
-        Values that each of several data sets has by itself; empty of one.
+        Values for each of several data sets separately; empty for one data set.
     nfev : int
         Evaluations of the model by the searches from all starts, those for derivatives not counted.
     elapsed : float
@@ -128,14 +128,15 @@ class FitResult(Summarized):
         Parameters
         ----------
         probability : float
-            That the box holds all of them, between 0.5 and 1: ranges are wider than intervals, by Bonferroni's bound.
+            Probability that the box contains all parameters, between 0.5 and 1: ranges are wider than intervals, by
+            Bonferroni's bound.
         range_margin : float
-            Share of each value by which its range is widened to either side, for what changes after the measurement.
+            Fraction of each value by which its range is widened to either side, for changes after the measurement.
         union_with : sequence of FitResult
             Fits of the same parameters to other measurements: the box is the smallest that contains the boxes of all.
         model : callable, optional
-            Makes a `SecondOrderModel` of the parameters, or a hub-beam, as controllers are to see it: with its actuators,
-            say, or their delay.  By default that of the fit.
+            Function from parameters to the `SecondOrderModel` or hub-beam to be controlled, for example with actuators or
+            their delay.  By default the model of the fit.
 
         Returns
         -------
@@ -207,7 +208,7 @@ class FitResult(Summarized):
         Returns
         -------
         str
-            One line for each parameter, then what was found of the fit.
+            One line for each parameter, then the results of the fit.
         """
         width = max(len(name) for name in self.names)
         numbers = f"{self.data.size} numbers ({self.data.kind})"

@@ -16,7 +16,7 @@ from boomctl.lti.rounding import ALIKE
 _ROUNDS = 2  # Rounds of candidates.
 _CANDIDATES = 12  # Candidates of a round.
 _FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
-_FACTOR_BESIDE = 1.6  # The same of a mode within a wider resonance, where errors of the model look like modes.
+_FACTOR_NEAR = 1.6  # The same of a mode within a wider resonance, where errors of the model look like modes.
 _HALF_WIDTHS = 1.0  # Largest 95 % interval of a frequency [half-power half widths].
 _QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
 MOST_DAMPED = 0.6  # Largest damping ratio of a mode.
@@ -24,8 +24,8 @@ _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the 
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
 _SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for an additional term.
-_WORTH = 0.05  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
-_WORTH_OF_RIGID_BODY = 0.1  # The same for integrators and real poles.
+_LEAST_FALL = 0.05  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
+_LEAST_FALL_OF_RIGID_BODY = 0.1  # The same for integrators and real poles.
 _REAL_POLES = 2  # Largest number of real poles.
 _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
@@ -36,7 +36,7 @@ _REACH = 6.0  # Half widths to either side of a resonance in its window.
 _FEWEST = 12  # Lines to either side at least.
 _MOST = 64  # Lines to either side at most; of wider windows some lines are left out.
 _RATES = 4  # Decay rates of candidates, each four times the previous one, from half the resolution.
-_BESIDE = 0.1  # Least evidence of a candidate over the largest one.
+_LEAST_EVIDENCE = 0.1  # Least evidence of a candidate over the largest one.
 _CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 
 
@@ -66,10 +66,10 @@ def search_poles(
 
 
 def _from_tracks(
-    data: Spectra, found: tuple[Track, ...], least: float, low: float, high: float, integrators: tuple[int, ...]
+    data: Spectra, chains: tuple[Track, ...], least: float, low: float, high: float, integrators: tuple[int, ...]
 ) -> tuple[CommonPoles, Array]:
     """Return the fit that starts from poles at so many orders at least, and those of its poles that may be two."""
-    poles = [track.pole for track in found if len(track.orders) >= least]
+    poles = [track.pole for track in chains if len(track.orders) >= least]
     start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
     return refine(with_background(_weighted(start), low, high, integrators), low, high, integrators)
 
@@ -86,11 +86,11 @@ def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         if not len(more):
             break
         joined = _roughly(_with(fit, np.append(fit.poles, more)))
-        kept = np.arange(len(joined.poles)) < len(fit.poles)
-        kept |= _is_determined(joined) & (joined.evidence > needed(joined))
-        if kept.sum() == len(fit.poles):
+        retained = np.arange(len(joined.poles)) < len(fit.poles)
+        retained |= _is_determined(joined) & (joined.evidence > needed(joined))
+        if retained.sum() == len(fit.poles):
             break
-        joined = pruned(_with_evidence(_roughly(_with(joined, joined.poles[kept]))), low, high, integrators)
+        joined = pruned(_with_evidence(_roughly(_with(joined, joined.poles[retained]))), low, high, integrators)
         if len(joined.poles) <= len(fit.poles):
             break
         fit = joined
@@ -121,7 +121,7 @@ def with_background(fit: CommonPoles, low: float, high: float, integrators: tupl
         trials = [replace(fit, fixed=np.append(fit.fixed, pole)) for pole in fixed]
         best = min(trials, key=lambda trial: trial.cost)
         after = left_out_errors(best)
-        if not _falls(errors, after, _WORTH):
+        if not _falls(errors, after, _LEAST_FALL):
             break
         fit, errors = best, after
         fixed = [pole for pole in fixed if pole not in fit.fixed]
@@ -180,7 +180,7 @@ def _without_real_pole(fit: CommonPoles, which: Array, integrators: tuple[int, .
     return bare
 
 
-def _falls(before: Array, after: Array, least: float = _WORTH_OF_RIGID_BODY) -> bool:
+def _falls(before: Array, after: Array, least: float = _LEAST_FALL_OF_RIGID_BODY) -> bool:
     """Return whether the left-out errors of blocks fall by a factor, and by more than chance."""
     fall = np.log(np.maximum(before, np.finfo(float).tiny)) - np.log(np.maximum(after, np.finfo(float).tiny))
     error = fall.std(ddof=1) / np.sqrt(len(fall))
@@ -203,9 +203,9 @@ def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
             slow = -np.abs(fit.poles[overdamped])[: _REAL_POLES - real.sum()]
             fit = _roughly(_with(fit, np.append(fit.poles[~outside], slow)))
             continue
-        apart = np.abs(fit.poles.imag[:, None] - fit.poles.imag)
+        distance = np.abs(fit.poles.imag[:, None] - fit.poles.imag)
         wider = fit.poles.real[:, None] > fit.poles.real
-        factor = np.where((wider & (apart < _NEIGHBOR * -fit.poles.real)).any(axis=1), _FACTOR_BESIDE, _FACTOR)
+        factor = np.where((wider & (distance < _NEIGHBOR * -fit.poles.real)).any(axis=1), _FACTOR_NEAR, _FACTOR)
         vague = ~real & ((steps[:, 0] > np.log(factor)) | (steps[:, 1] > _HALF_WIDTHS))
         if not vague.any():
             break
@@ -254,8 +254,8 @@ def _with_evidence(fit: CommonPoles) -> CommonPoles:
 def needed(fit: CommonPoles) -> float:
     """Return the evidence that a mode needs: more than noise gives anywhere in the record (Laurent & Massart 2000)."""
     m, p = fit.data.U.shape[1], fit.data.Y.shape[1]
-    freedom, rare = 2 * m * p + 2, np.log(len(fit.data.s) / _CHANCE)
-    return float(freedom + 2.0 * np.sqrt(freedom * rare) + 2.0 * rare)
+    dof, rare = 2 * m * p + 2, np.log(len(fit.data.s) / _CHANCE)
+    return float(dof + 2.0 * np.sqrt(dof * rare) + 2.0 * rare)
 
 
 def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]]]:
@@ -263,7 +263,7 @@ def _in_residuals(fit: CommonPoles) -> tuple[Spectra, list[tuple[float, complex]
     data, least = replace(fit.data, Y=complex_of(fit.residuals) / np.sqrt(fit.errors)), needed(fit)
     result: list[tuple[float, complex]] = []
     for k in range(_RATES):
-        gains, poles = _tried(data, 0.5 * 4.0**k)
+        gains, poles = _candidate_gains(data, 0.5 * 4.0**k)
         result += [(gain, pole) for gain, pole in zip(gains, poles, strict=True) if gain > least]
     return data, sorted(result, key=lambda entry: -entry[0])
 
@@ -283,10 +283,10 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
     data, result = _in_residuals(fit)
     least = needed(fit)
     chosen: list[complex] = []
-    tried: list[complex] = []
+    tested: list[complex] = []
     starts: dict[int, complex] = {}
     for gain, pole in result:
-        if gain <= _BESIDE * result[0][0] or len(tried) >= _CANDIDATES:
+        if gain <= _LEAST_EVIDENCE * result[0][0] or len(tested) >= _CANDIDATES:
             break
         near = np.flatnonzero(
             np.abs(fit.poles.imag - pole.imag) < _NEIGHBOR * np.maximum(-fit.poles.real, data.resolution)
@@ -295,9 +295,9 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
             closest = int(near[np.argmin(np.abs(fit.poles[near] - pole))])
             starts.setdefault(closest, pole)
             continue
-        if not _apart(pole, tried):
+        if not _is_separate(pole, tested):
             continue
-        tried.append(pole)
+        tested.append(pole)
         half = _side(data, -pole.real / data.resolution) * data.resolution
         around = data.within(pole.imag - half, pole.imag + half)
         local = fitted(CommonPoles(around, np.array([pole]), np.zeros(0)), _ROUGH * least)
@@ -306,7 +306,7 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
         if local is None or not _is_determined(local).all():
             continue
         best = [complex(min(one.real, pole.real), one.imag) for one in local.poles]
-        chosen += best if all(_apart(one, chosen) for one in best) else []
+        chosen += best if all(_is_separate(one, chosen) for one in best) else []
     unresolved = np.zeros(len(fit.poles), bool)
     for k, pole in starts.items():
         two = _two_poles(fit, k, pole)
@@ -342,10 +342,10 @@ def _two_poles(fit: CommonPoles, k: int, start: complex) -> CommonPoles | None:
     two = fitted(min(trials, key=lambda trial: trial.cost))
     fall = left_out_errors(one) - left_out_errors(two)
     error = fall.std(ddof=1) * np.sqrt(len(fall))
-    apart = np.abs(np.diff(two.poles.imag)[0])
+    distance = np.abs(np.diff(two.poles.imag)[0])
     if fall.sum() < max(_LEFT_OUT * (one.cost - two.cost), _SIGNIFICANT * error):
         return None
-    if not fit.data.lengths and apart < resolution:
+    if not fit.data.lengths and distance < resolution:
         return None
     return two
 
@@ -355,12 +355,12 @@ def _side(data: Spectra, rate: float) -> int:
     return max(round(_REACH * rate), _FEWEST, 3 * data.U.shape[1] + 1)
 
 
-def _apart(pole: complex, others: list[complex]) -> bool:
+def _is_separate(pole: complex, others: list[complex]) -> bool:
     """Return whether a pole's neighborhood has none of the others'."""
     return all(abs(pole.imag - other.imag) > -3.0 * (pole.real + other.real) for other in others)
 
 
-def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
+def _candidate_gains(data: Spectra, rate: float) -> tuple[Array, Array]:
     """Return what poles of a rate of decay, in lines, explain at each frequency, and the poles."""
     gains: dict[float, float] = {}
     for k in range(len(data.lines)):
@@ -369,8 +369,8 @@ def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
         half = _side(data, rate)
         thin = -(-half // _MOST)
         side = thin * np.arange(-(half // thin), half // thin + 1)
-        apart = max(round(rate), 1)
-        centers = np.arange(half, len(omega) - half, apart)
+        spacing = max(round(rate), 1)
+        centers = np.arange(half, len(omega) - half, spacing)
         if not len(centers):
             continue
         at = centers[:, None] + side
@@ -378,7 +378,7 @@ def _tried(data: Spectra, rate: float) -> tuple[Array, Array]:
         ground = np.concatenate([U[at], s[..., None] * U[at] / half, np.ones((*at.shape, 1))], axis=2)
         mode = U[at] / (s + rate)[..., None]
         rest = np.linalg.qr(np.concatenate([ground, mode], axis=2))[0][..., -U.shape[1] :]
-        windows = sliding_window_view(E, side[-1] - side[0] + 1, axis=0)[at[0, 0] : at[-1, 0] + 1 : apart, :, ::thin]
+        windows = sliding_window_view(E, side[-1] - side[0] + 1, axis=0)[at[0, 0] : at[-1, 0] + 1 : spacing, :, ::thin]
         within = np.square(np.abs(windows @ rest.conj())).sum(axis=(1, 2))
         for center, gain in zip(omega[centers], within, strict=True):
             gains[float(center)] = gains.get(float(center), 0.0) + float(gain)

@@ -10,8 +10,8 @@ from boomctl.arrays import Array
 from boomctl.identification.record import Record
 from boomctl.lti.python_control import control
 
-_HEAVIEST = 100.0  # weight of a row of a measured response, in those of its median (a choice)
-_FREQUENCIES = 8  # of a response in the band: least that show a mode on a background
+_HEAVIEST = 100.0  # Largest weight of a row of a measured response, relative to the median weight.
+_FREQUENCIES = 8  # Fewest frequencies of a response in the band, to determine a mode on a background.
 FEWEST = 24  # lines in the band for each input: fewer do not determine a mode with its background.
 # Powers of frequency, from -1 (a drift) on, for the effect of the ends of a record, in addition to free motions.
 _EDGES = 5
@@ -140,9 +140,9 @@ class Spectra:
         s, poles = self.s, poles[:, None]
         decay = np.exp(poles * self.step)
         if self.records:
-            apart = self._shift - decay
-            free = self._shift / np.sqrt(max(self.lengths)) / apart
-            free_slope = free * (self.step * decay) / apart
+            distance = self._shift - decay
+            free = self._shift / np.sqrt(max(self.lengths)) / distance
+            free_slope = free * (self.step * decay) / distance
         else:
             free = free_slope = np.zeros((0, len(s)))
         if not self.held:
@@ -150,9 +150,9 @@ class Spectra:
             return forced, np.square(forced), free, free_slope
         gain = np.expm1(poles * self.step) / poles
         gain_slope = (self.step * decay - gain) / poles
-        apart = self._shift - decay
-        forced = gain / apart
-        return forced, (gain_slope + forced * self.step * decay) / apart, free, free_slope
+        distance = self._shift - decay
+        forced = gain / distance
+        return forced, (gain_slope + forced * self.step * decay) / distance, free, free_slope
 
     def rows(self, above: tuple[Array, ...], below: tuple[Array, ...], derived: bool) -> Array:
         """Return what pairs of poles give by their `simple` responses, or its derivatives: (poles 2 (m + records), 2 n).

@@ -58,8 +58,8 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     products = (q @ pairs).reshape(2 * top + 1, r, r + p)
     own = q @ np.square(np.abs(data.Y)).sum(axis=1)
     # of a lower order are the leading rows and columns: one factor serves all
-    place = top + np.arange(top + 1)[None, :] - np.arange(top + 1)[:, None]
-    blocks = products[place]  # row power, column power, regressor, column
+    index = top + np.arange(top + 1)[None, :] - np.arange(top + 1)[:, None]
+    blocks = products[index]  # row power, column power, regressor, column
     R = blocks[..., :r].transpose(0, 2, 1, 3).reshape((top + 1) * r, -1)
     S = blocks[..., r:].transpose(0, 2, 3, 1).reshape((top + 1) * r, -1)
     factor = np.linalg.cholesky(R + _RIDGE * np.abs(R).max() * np.eye(len(R)))
@@ -67,7 +67,7 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     result = {}
     for order in orders:
         part = explained[: (order + 1) * r, :, : order + 1].reshape(-1, order + 1)
-        M = own[place[: order + 1, : order + 1]] - part.conj().T @ part
+        M = own[index[: order + 1, : order + 1]] - part.conj().T @ part
         lowest = linalg.lstsq(M[:-1, :-1], -M[:-1, -1], check_finite=False)[0]  # type: ignore[index]
         roots = np.roots(np.concatenate([[1.0], lowest[::-1]]))
         roots = roots[np.abs(roots) > 1.0]
@@ -77,23 +77,23 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     return result
 
 
-def tracks(found: dict[int, Array], resolution: float) -> tuple[Track, ...]:
+def tracks(by_order: dict[int, Array], resolution: float) -> tuple[Track, ...]:
     """Return which poles of one order are those of another, near in frequency and decay; those of most orders first."""
     chains: list[tuple[list[complex], list[int]]] = []
-    for order, poles in sorted(found.items()):
+    for order, poles in sorted(by_order.items()):
         ends = np.array([chain[0][-1] for chain in chains])
         free = np.ones(len(chains), bool)
         new = []
-        for pole in sorted(poles, key=lambda each: -each.real):
-            apart = np.abs(ends - pole)
+        for pole in sorted(poles, key=lambda item: -item.real):
+            distance = np.abs(ends - pole)
             reach = min(_NEAR * pole.imag, max(-_OWN * pole.real, _OWN * resolution))
-            near = np.flatnonzero(free & (apart < reach)) if len(ends) else []
+            near = np.flatnonzero(free & (distance < reach)) if len(ends) else []
             if len(near):
-                best = near[np.argmin(apart[near])]
+                best = near[np.argmin(distance[near])]
                 free[best] = False
                 chains[best][0].append(complex(pole))
                 chains[best][1].append(order)
             else:
                 new.append(([complex(pole)], [order]))
         chains += new
-    return tuple(sorted((Track(tuple(p), tuple(o)) for p, o in chains), key=lambda each: -len(each.orders)))
+    return tuple(sorted((Track(tuple(p), tuple(o)) for p, o in chains), key=lambda item: -len(item.orders)))

@@ -18,11 +18,13 @@ if TYPE_CHECKING:
 
     from boomctl.identification.response import FrequencyResponseEstimate
 
-_MAX_ORDER = 12  # poles: more of them follow single frequencies, and the roots of polynomials lose digits (a choice)
-_APART = 1.5  # ratio of the poles above the highest frequency, so that each has a residue of its own (a choice)
+_MAX_ORDER = 12  # Most poles: more follow single frequencies, and the roots of the polynomials lose accuracy.
+_POLE_RATIO = 1.5  # Ratio of the poles above the highest frequency, so that their residues are separate.
 # Magnitudes below this fraction of the largest one are rounded up to it for the fit.
 _SMALL = 1e-3
-_BESIDE = np.geomspace(1.0, 1e3, 101)[1:]  # beyond the frequencies: from there on a band is what it is at its limit
+_BEYOND = np.geomspace(1.0, 1e3, 101)[
+    1:
+]  # Frequencies beyond the band over its limits; further out a filter is at its asymptote.
 
 
 @one_blas_thread
@@ -38,25 +40,26 @@ def uncertainty_weight(
 ) -> "control.StateSpace":
     """Return filters that bound the difference of a measured response and a model, entry by entry.
 
-    At each measured frequency an entry is at least the size of measured less model, and as much more as the deviation of the
-    measurement may hide.  Beyond them it is at least the size at the lowest of them, and at the highest, falling; between
-    them it is what its real poles say, and valleys between resonances are filled.
+    At each measured frequency the magnitude of an entry is at least the magnitude of measured less modeled response, plus
+    a bound on the measurement error.  Below the lowest frequency it is at least the magnitude there, above the highest
+    frequency it falls from the magnitude there; real poles interpolate between frequencies, and fill valleys between
+    resonances.
 
     Parameters
     ----------
     data : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
-        As `fit` takes it; without ``deviation`` the measurement is taken for exact.  Of several data sets the largest counts.
+        As in `fit`; data without ``deviation`` are treated as exact.  The largest difference of several data sets counts.
     model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
         The model, such as ``model(found.parameters)`` of a fit, or ``found.model`` of an identification.
     inputs, outputs : str or sequence of str, optional
-        Entries wanted, by names in what was measured; by default all.
+        Requested entries, by names of measured signals; by default all.
     probability : float
-        That an entry is within its bound at a measured frequency, between 0.5 and 1: errors are taken for normal.
+        Probability that an entry is within its bound at a measured frequency, between 0.5 and 1, for normal errors.
     order : int
-        Poles of each entry, at most 12, spread over the measured frequencies.
+        Number of poles of each entry, at most 12, distributed over the measured frequencies.
     fall : int
-        Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 of displacements that
-        forces cause, 1 of speeds, 0 of accelerations.
+        Power of frequency with which entries fall above the measured frequencies, at most ``order``: 2 for displacements by
+        forces, 1 for speeds, 0 for accelerations.
 
     Returns
     -------
@@ -66,13 +69,13 @@ def uncertainty_weight(
     Raises
     ------
     TypeError, ValueError
-        What was measured is no complex response; unknown signals; a model that does not answer as was measured, or that
-        leaves nothing of an entry; numbers out of range.
+        If the data are not a complex response, a signal is unknown, the model does not return the measured entries or equals
+        the data in an entry, or a number is out of range.
 
     Notes
     -----
-    The band belongs to a model, such as that at the fitted parameters.  `robust_stability` adds it to every model of a
-    family, so that what is proved holds for more plants than the record leaves open.
+    The bound is for one model, such as the model at the fitted parameters.  `robust_stability` adds it to every model of a
+    family, so that a proof holds for more plants than those consistent with the record.
 
     Examples
     --------
@@ -92,22 +95,22 @@ def uncertainty_weight(
     level = confident("probability", probability)
     poles = whole("order", order, most=_MAX_ORDER)
     falling = whole("fall", fall, 0, poles)
-    seen = Measured.of(data, None, None, "absolute", None, None)
-    if seen.kind != RESPONSE or seen.omega is None or seen.labels is None:
-        raise TypeError(f"data: expected a complex frequency response, got {seen.kind}")
+    measured = Measured.of(data, None, None, "absolute", None, None)
+    if measured.kind != RESPONSE or measured.omega is None or measured.labels is None:
+        raise TypeError(f"data: expected a complex frequency response, got {measured.kind}")
     ins, outs = (
         some_names(what, wanted, there)
-        for what, wanted, there in zip(("input", "output"), (inputs, outputs), seen.labels, strict=True)
+        for what, wanted, there in zip(("input", "output"), (inputs, outputs), measured.labels, strict=True)
     )
-    left = np.abs(seen.values - answered(model, seen)[0])
-    if seen.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
-        hidden = np.where(seen.kept, seen.noise * np.where(seen.kept, seen.spread, 0.0), 0.0)
+    left = np.abs(measured.values - answered(model, measured)[0])
+    if measured.noise is not None:  # real and imaginary part normal: the size of their error is Rayleigh's
+        hidden = np.where(measured.kept, measured.noise * np.where(measured.kept, measured.spread, 0.0), 0.0)
         left += np.sqrt(-2.0 * np.log(1.0 - level)) * hidden
-    omega, entries = seen.omega, []
+    omega, entries = measured.omega, []
     for y in outs:
         for u in ins:
-            at = seen.labels[1].index(y), seen.labels[0].index(u)
-            use = seen.kept[at] & (omega > 0.0)
+            at = measured.labels[1].index(y), measured.labels[0].index(u)
+            use = measured.kept[at] & (omega > 0.0)
             if not left[at][use].any():
                 raise ValueError(
                     f"model: expected one that leaves something of what was measured from {u} to {y}, got none"
@@ -139,11 +142,11 @@ def overbound(omega: Array, size: Array, order: int, fall: int) -> Lti:
 
     low, high = float(omega.min()), float(omega.max())
     extra = max(fall - 1, 0)
-    poles = np.r_[np.geomspace(low, high, order - extra), high * _APART ** np.arange(1, extra + 1)]
-    unit, top, given = float(np.sqrt(low * high)), float(size.max()), len(omega)
+    poles = np.r_[np.geomspace(low, high, order - extra), high * _POLE_RATIO ** np.arange(1, extra + 1)]
+    unit, top, count = float(np.sqrt(low * high)), float(size.max()), len(omega)
     below, above = size[omega == low].max(), size[omega == high].max()
-    omega = np.r_[omega, low / _BESIDE, high * _BESIDE]
-    size = np.r_[size, np.full(len(_BESIDE), below), above * _BESIDE**-fall]
+    omega = np.r_[omega, low / _BEYOND, high * _BEYOND]
+    size = np.r_[size, np.full(len(_BEYOND), below), above * _BEYOND**-fall]
     v, squares = np.square(omega / unit), np.square(poles / unit)
     after = np.r_[np.cumprod(squares[::-1])[::-1], 1.0]  # products of the squares from a pole on
     exponents = np.arange(order - fall + 1)
@@ -151,12 +154,12 @@ def overbound(omega: Array, size: Array, order: int, fall: int) -> Lti:
         np.exp(np.log(v)[:, None] * exponents - np.log(v[:, None] + squares).sum(axis=1)[:, None]) * after[exponents]
     )
     wanted = np.square(size / top)
-    room = np.maximum(wanted, _SMALL**2)[:, None]
+    squares = np.maximum(wanted, _SMALL**2)[:, None]
     least = np.zeros(len(exponents))  # the first and the last band alone reach what is wanted beyond all frequencies
-    for band, end in ((0, given + len(_BESIDE) - 1), (-1, len(omega) - 1)):
+    for band, end in ((0, count + len(_BEYOND) - 1), (-1, len(omega) - 1)):
         least[band] = max(least[band], wanted[end] / bands[end, band])
-    cost = (bands / room)[:given].mean(axis=0)
-    result = linprog(cost, A_ub=-bands / room, b_ub=-wanted / room[:, 0], bounds=[(x, None) for x in least])
+    cost = (bands / squares)[:count].mean(axis=0)
+    result = linprog(cost, A_ub=-bands / squares, b_ub=-wanted / squares[:, 0], bounds=[(x, None) for x in least])
     if result.x is None:
         raise ArithmeticError(f"no filter of order {order} was found above the magnitudes: {result.message}")
     heights = np.maximum(result.x, 0.0) * after[exponents]

@@ -1,8 +1,8 @@
-"""The first model of the hub-beam that is as exact as asked for in a maneuver, tried against the geometrically exact one.
+"""Selection of the first hub-beam model that meets a requested accuracy in a maneuver, against the geometrically exact beam.
 
-Each model is judged by its own motion, solved as `simulate` will solve it: the largest error of the free end's transverse
-displacement over the largest displacement.  The reference is the geometrically exact beam, refined until two of different
-order agree far better than the accuracy asked for.
+Each model is evaluated by its motion, solved as `simulate` will solve it: the largest error of the free end's transverse
+displacement relative to the largest displacement.  The reference is the geometrically exact beam, refined until two beams
+with different numbers of polynomials agree to a tenth of the requested accuracy.
 """
 
 from __future__ import annotations
@@ -26,28 +26,29 @@ from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.selection import ModelChoice
 
-# accuracies that can be asked for: below, the reference's rounding shows; above, none is meant (measured)
+# Range of the requested accuracy, relative; below it the rounding errors of the reference are visible.
 ACCURACIES = (1e-7, 1.0)
-_PERIODS = 5.0  # of the slowest mode at rest, that follow a maneuver where no time is given (a choice)
-_MOST_PERIODS = 1000.0  # of it, in which models are compared: half a minute for each exact beam (measured)
+_PERIODS = 5.0  # Periods of the slowest mode of the beam at rest, added after the last breakpoint if no time is given.
+_MOST_PERIODS = 1000.0  # Longest comparison of models, in periods of the slowest mode; limits the run time.
 
-# Of the accuracy asked for.  What is found of a model, and what its reference may be wrong by, are to be within its share.
-_SHARE = 0.96  # of an assumed-modes model: the rest is its solver's, and what lies between the instants (derived)
-_SOLVED = 0.02  # tolerance of its solver: its cost hardly depends on that in most motions (measured)
-_SHARE_EXACT = 0.7  # of a geometrically exact beam: one more polynomial lowers its error tenfold
-_SOLVED_EXACT = 0.28  # tolerance of its solver: a halved step, which it may save, halves the cost
-_CONVERGED = 0.1  # by which references may differ (a choice)
-_FIRST, _ONWARD = 1e-3, 0.03  # tolerance of the first reference; of others over what the last two differed by (choices)
-_NEGLIGIBLE = 0.1  # of what references may differ by: no tolerance is tighter (a choice)
+# Fractions of the requested accuracy.  Error of a model plus error of its reference must be below its fraction.
+_FRACTION = 0.96  # Assumed-modes model: the rest is for its solver and for errors between the compared times.
+_SOLVED = 0.02  # Tolerance of its solver; the run time depends weakly on it in most motions.
+_FRACTION_EXACT = 0.7  # Geometrically exact beam: one more polynomial lowers its error tenfold.
+_SOLVED_EXACT = 0.28  # Tolerance of its solver; a looser tolerance can save one halving of the step.
+_CONVERGED = 0.1  # Allowed difference of two references.
+_FIRST, _ONWARD = 1e-3, 0.03  # Tolerance of the first reference; of the next ones, relative to the last difference.
+_NEGLIGIBLE = 0.1  # Tightest tolerance of a reference, relative to the allowed difference of two references.
 
 EXACT = "geometrically-exact"
-_FEWEST = 3  # polynomials of an exact beam that may be chosen: with fewer its steps are shorter, for no gain (measured)
-_TRIED = (*(("sfoam", n) for n in (1, 2, 3, 5, 8)), *((EXACT, n) for n in (_FEWEST, 4, 6, 8, 12)))  # in turn (a choice)
-_REFERENCES = (5, 7, 10, 14, 20, 28, 40, 60)  # polynomials of references, until two agree: factors of sqrt 2 (a choice)
-_INSTANTS = 24.0  # compared in a period of the second bending mode: of it 1 % may lie between them (derived)
-_FEWEST_INSTANTS, _MOST_INSTANTS = 500, 20_000  # in the maneuver and in all (choices)
-_UNEVEN = 1.01  # power that spaces them unevenly, so that no vibration is in step with them (a choice)
-_ROUNDING = 1e-14  # of the radius of the free end: displacements are no more exact (measured)
+_FEWEST = 3  # Fewest polynomials of a candidate exact beam: with fewer its steps are shorter, without a gain.
+# Candidate models and their numbers of modes, in the order in which they are tested.
+_CANDIDATES = (*(("sfoam", n) for n in (1, 2, 3, 5, 8)), *((EXACT, n) for n in (_FEWEST, 4, 6, 8, 12)))
+_REFERENCES = (5, 7, 10, 14, 20, 28, 40, 60)  # Polynomials of the references, in factors of about sqrt 2.
+_SAMPLES = 24.0  # Compared times in a period of the second bending mode: a peak between two is 1 % higher at most.
+_FEWEST_SAMPLES, _MOST_SAMPLES = 500, 20_000  # Limits: least number within the maneuver, largest number in total.
+_UNEVEN = 1.01  # Power by which the times are spaced unevenly, to avoid aliasing with a vibration.
+_ROUNDING = 1e-14  # Rounding error of displacements, relative to the radius of the free end.
 
 
 def chosen_beam(
@@ -72,29 +73,29 @@ def chosen_beam(
         )
     try:
         hash(maneuver)
-    except TypeError:  # made of a function that cannot be told from others
+    except TypeError:  # consists of a function that is not hashable
         choice = _choose(p, wanted, maneuver, until)
     else:
         choice = _known(p, wanted, maneuver, until)
-    made: Any = in_model(p, choice.model, choice.modes)  # every model is a dataclass
-    return replace(made, selection=choice)
+    beam: Any = in_model(p, choice.model, choice.modes)  # every model is a dataclass
+    return replace(beam, selection=choice)
 
 
 def _own_time(maneuver: Maneuver, slowest: float) -> float:
     ends = [item for item in maneuver.breakpoints if item > 0.0]
     if not ends:
-        raise ValueError("timepts = None: expected the last instant [s], for the maneuver does not say when it ends")
+        raise ValueError("timepts = None: expected the last time [s], for the maneuver has no breakpoint after t = 0")
     return max(ends) + _PERIODS / slowest
 
 
 def _last(time: ArrayLike) -> float:
-    """Return the last of some instants, or the only one [s]."""
+    """Return the last of several times, or the only time [s]."""
     if not isinstance(time, (list, tuple, np.ndarray)):
         return positive("timepts", time)
-    instants = plain_array("timepts", time)
-    if instants.ndim != 1 or not instants.size:
-        raise ValueError(f"time of shape {instants.shape}: expected an instant [s], or one dimension of them")
-    return positive("timepts[-1]", instants[-1])
+    times = plain_array("timepts", time)
+    if times.ndim != 1 or not times.size:
+        raise ValueError(f"timepts of shape {times.shape}: expected a time [s], or a one-dimensional array of times")
+    return positive("timepts[-1]", times[-1])
 
 
 @lru_cache(maxsize=64)
@@ -103,7 +104,7 @@ def _known(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: floa
 
 
 class _Trial(NamedTuple):
-    """A model that was tried: its error, whether it is exact enough, and the tolerance of its simulation."""
+    """Tested model: its error, whether it is accurate enough, and the tolerance of its simulation."""
 
     model: str
     modes: int
@@ -113,7 +114,7 @@ class _Trial(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """Displacements of the geometrically exact beam at the instants compared, and what `ModelChoice` says of it."""
+    """Displacements of the geometrically exact beam at the compared times, and its entries in `ModelChoice`."""
 
     tip: Array
     largest: float
@@ -121,13 +122,13 @@ class _Reference(NamedTuple):
 
 
 def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: float) -> ModelChoice:
-    instants = _instants(p, maneuver, time)
+    times = _compared_times(p, maneuver, time)
     with computing("choice of a model"):
-        true = _reference(p, accuracy, maneuver, instants)
-        tried = list(_trials(p, accuracy, maneuver, instants, true))
-    result = tried[-1]
+        true = _reference(p, accuracy, maneuver, times)
+        trials = list(_trials(p, accuracy, maneuver, times, true))
+    result = trials[-1]
     if not result.enough:
-        best = min(tried, key=lambda each: each.error)
+        best = min(trials, key=lambda trial: trial.error)
         raise ValueError(
             f"accuracy = {exactly(accuracy)}: expected at least {1.5 * best.error:.1g} in this maneuver; {best.modes} modes "
             f"of {best.model} come as near as any"
@@ -143,33 +144,33 @@ def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: flo
         atol=result.tolerance[1],
         largest=true.largest,
         reference=true.agreement,
-        tried=tuple(item[:3] for item in tried),
+        tried=tuple(item[:3] for item in trials),
     )
 
 
-def _instants(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
-    """Return the instants at which motions are compared: more of them than vibrate, and enough in the maneuver itself."""
+def _compared_times(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
+    """Return the times at which motions are compared: they resolve the second bending mode and the maneuver."""
     second = float(in_model(p, EXACT, _REFERENCES[0]).eigenfrequencies_hz()[1])
-    points = int(np.clip(_INSTANTS * second * time, _FEWEST_INSTANTS, _MOST_INSTANTS))
-    even = [np.linspace(0.0, min(item, time), _FEWEST_INSTANTS) for item in maneuver.breakpoints[-1:] if item > 0.0]
+    points = int(np.clip(_SAMPLES * second * time, _FEWEST_SAMPLES, _MOST_SAMPLES))
+    even = [np.linspace(0.0, min(item, time), _FEWEST_SAMPLES) for item in maneuver.breakpoints[-1:] if item > 0.0]
     return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))
 
 
-def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instants: Array) -> _Reference:
-    """Refine the geometrically exact beam until the motions of two of them agree so well as to be a reference.
+def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, times: Array) -> _Reference:
+    """Refine the geometrically exact beam until the motions of two refinements agree.
 
     Raises
     ------
     ValueError
-        There is none: they do not agree, cannot be followed so exactly, or do not move.
+        If no two refinements agree, a refinement cannot be simulated to the tolerance, or the beam does not move.
     """
     rounding = _ROUNDING * (p.hub_radius + p.length)
-    fewer, before, unsolved, apart, rtol = 0, np.zeros_like(instants), 0.0, math.inf, _FIRST
+    fewer, before, unsolved, gap, rtol = 0, np.zeros_like(times), 0.0, math.inf, _FIRST
     for modes in _REFERENCES:
         tell(f"geometrically exact beam with {modes} polynomials")
         rtol = max(rtol, _NEGLIGIBLE * _CONVERGED * accuracy)
         try:
-            run = in_model(p, EXACT, modes)._solved(maneuver, instants, (rtol, rounding))
+            run = in_model(p, EXACT, modes)._solved(maneuver, times, (rtol, rounding))
         except SimulationError as failure:
             raise ValueError(
                 f"accuracy = {exactly(accuracy)}: expected a larger one, or a shorter time; the geometrically exact beam "
@@ -180,38 +181,36 @@ def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instan
             raise ValueError(f"maneuver = {shown(maneuver)}: expected one that moves the beam from rest")
         if fewer:
             difference = float(np.abs(run.tip - before).max())
-            apart, rtol = (difference + unsolved + run.error + rounding) / largest, _ONWARD * difference / largest
-            if apart <= _CONVERGED * accuracy:
-                return _Reference(run.tip, largest, (fewer, modes, apart))
+            gap, rtol = (difference + unsolved + run.error + rounding) / largest, _ONWARD * difference / largest
+            if gap <= _CONVERGED * accuracy:
+                return _Reference(run.tip, largest, (fewer, modes, gap))
         fewer, before, unsolved = modes, run.tip, run.error
     raise ValueError(
-        f"accuracy = {exactly(accuracy)}: expected at least {apart / _CONVERGED:.2g}; geometrically exact beams of "
-        f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {apart:.1e} in this maneuver"
+        f"accuracy = {exactly(accuracy)}: expected at least {gap / _CONVERGED:.2g}; geometrically exact beams of "
+        f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {gap:.1e} in this maneuver"
     )
 
 
 def _trials(
-    p: HubBeamParameters, accuracy: float, maneuver: Maneuver, instants: Array, true: _Reference
+    p: HubBeamParameters, accuracy: float, maneuver: Maneuver, times: Array, true: _Reference
 ) -> Iterator[_Trial]:
-    """Yield models that are tried in turn, to the first that is exact enough."""
-    for model, modes in _TRIED:
+    """Test the candidate models in turn, up to the first that is accurate enough."""
+    for model, modes in _CANDIDATES:
         tell(f"{model} with {count(modes, 'mode')}")
         rtol = 0.5 * (_SOLVED_EXACT if model == EXACT else _SOLVED) * accuracy
         tolerance = rtol, rtol * true.largest
-        error = _error(in_model(p, model, modes), maneuver, instants, tolerance, true)
-        enough = error + true.agreement[2] <= accuracy * (_SHARE_EXACT if model == EXACT else _SHARE)
+        error = _error(in_model(p, model, modes), maneuver, times, tolerance, true)
+        enough = error + true.agreement[2] <= accuracy * (_FRACTION_EXACT if model == EXACT else _FRACTION)
         yield _Trial(model, modes, error, enough, tolerance)
         if enough:
             return
 
 
-def _error(
-    beam: HubBeam, maneuver: Maneuver, instants: Array, tolerance: tuple[float, float], true: _Reference
-) -> float:
-    """Return a model's error relative to the largest displacement; inf for what is beyond all numbers."""
+def _error(beam: HubBeam, maneuver: Maneuver, times: Array, tolerance: tuple[float, float], true: _Reference) -> float:
+    """Return a model's error relative to the largest displacement; inf if its motion overflows or is not solved."""
     try:
-        with np.errstate(all="ignore"):  # a model without stiffness may leave all numbers
-            tip = beam.simulate(maneuver, instants, rtol=tolerance[0], atol=tolerance[1]).tip_displacement
+        with np.errstate(all="ignore"):  # a model that has lost its stiffness may overflow
+            tip = beam.simulate(maneuver, times, rtol=tolerance[0], atol=tolerance[1]).tip_displacement
             error = float(np.abs(tip - true.tip).max()) / true.largest
     except SimulationError:
         return math.inf

@@ -43,8 +43,8 @@ ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 
 _MOST_MODES = 200  # the modal integrals are known to keep 1e-12 relative up to there
 _MOST_MODES_CFOAM = 60  # a choice: its sums over points of mass take n^3 numbers, 0.8 million there
-_PLACES = 41  # on the beam, for its shape: a choice
-_CHUNK = 2048  # instants evaluated at once: a choice, to bound the memory
+_POINTS = 41  # Points along the beam at which its deformed shape is evaluated.
+_CHUNK = 2048  # Times evaluated at once; bounds the memory.
 
 
 @final
@@ -61,7 +61,7 @@ class AssumedModesBeam(HubBeam):
     modes : int
         Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
     selection : record, optional
-        What was chosen for its accuracy in a maneuver, and what was tried: see `hub_beam`.
+        Result of the selection by accuracy in a maneuver, with the tested candidates: see `hub_beam`.
     """
 
     parameters: HubBeamParameters
@@ -124,7 +124,7 @@ class AssumedModesBeam(HubBeam):
         return lowest_rate(self._integrals.M1, self._integrals.K1) if self.has_axial_modes else math.inf
 
     def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
-        """Return the energy of a state's deviation from steady rotation, whatever the hub angle.
+        """Return the energy of a state's deviation from steady rotation, independent of the hub angle.
 
         It is ``1/2 r^T M r + 1/2 q^T K q`` with the differences r of the rates and q of the beam's coordinates.
 
@@ -149,8 +149,8 @@ class AssumedModesBeam(HubBeam):
         x = finite_array("state", state, ndim=1)
         if len(x) != 2 * size:
             raise ValueError(f"state: expected {2 * size} numbers, got {len(x)}")
-        apart = x - self.steady_state(hub_speed)
-        rate, q = apart[None, size:], apart[1:size]
+        deviation = x - self.steady_state(hub_speed)
+        rate, q = deviation[None, size:], deviation[1:size]
         momenta = equations.inertia(x[None, :size]).momenta(rate)
         return float(0.5 * np.sum(momenta * rate) + 0.5 * q @ equations.K @ q)
 
@@ -169,7 +169,7 @@ class AssumedModesBeam(HubBeam):
         hub_speed : (float, float) or float
             Least and largest hub speed [rad/s]; a number: that speed alone.
         tip_mass : (float, float), optional
-            Least and largest point mass [kg]; by default that of the parameters.
+            Least and largest point mass [kg]; by default the mass of the parameters.
         sensors : sequence of BeamSensor
             Further outputs; none of acceleration.
         **ranges : (float, float)
@@ -178,9 +178,9 @@ class AssumedModesBeam(HubBeam):
         Returns
         -------
         PolynomialFamily
-            With the parameters ``"hub_speed"``, ``"tip_mass"`` and those named, inputs and outputs as in `simulate_loop`
-            but for ``"tip_acceleration"``, and the states by their names; for :func:`boomctl.robust_stability` and its
-            like.  Proofs leave the hub angle out, an integrator, where the controller does not read it.
+            Family over ``"hub_speed"``, ``"tip_mass"`` and the named parameters, with inputs and outputs as in
+            `simulate_loop` except ``"tip_acceleration"``, and the states by name; for example for
+            :func:`boomctl.robust_stability`.  Proofs omit the hub angle, an integrator, if the controller does not read it.
 
         Raises
         ------
@@ -246,7 +246,7 @@ class AssumedModesBeam(HubBeam):
     def deformed_shape(self, states: ArrayLike) -> Array:
         p, size, n = self.parameters, self._size, self.modes
         y = self._states(states)[:, :size]
-        x = np.linspace(0.0, p.length, _PLACES)
+        x = np.linspace(0.0, p.length, _POINTS)
         bending, shapes = y[:, size - n :], transverse_modes(n, p.length)
         across = bending @ shapes(x).T
         along = np.broadcast_to(x, across.shape).copy()
@@ -269,7 +269,7 @@ class AssumedModesBeam(HubBeam):
     def to_casadi(self) -> casadi.Function:
         """Return the model as a CasADi function ``(x, torque) -> (xdot, y)``, derived from its energies.
 
-        States and outputs are those of `to_nlsys`; symbolic, hence differentiable to any order.
+        States and outputs as in `to_nlsys`; symbolic, hence differentiable to any order.
 
         Returns
         -------
@@ -286,30 +286,32 @@ class AssumedModesBeam(HubBeam):
     def _casadi_equations(self) -> tuple[casadi.Function, Array]:
         """Return a CasADi function ``(x, torque, constants) -> (xdot, y)`` and this model's constants.
 
-        Models that differ in their constants alone share it, and with it whatever is built on it; but for CFOAM, whose
-        constants are in a function of its own.
+        Models that differ only in their constants share the function, and with it everything built on it; except CFOAM,
+        whose function contains its constants.
         """
         if self.model == "cfoam":
             return energy.state_function(self._lagrangian, "equations"), np.zeros(0)
         m, lagrangian = self._integrals, self._lagrangian
         names = ("inertia", "M1", "V1", "R", "M2", "V2", "D") if self.has_axial_modes else ("inertia", "M2", "V2", "D")
-        given: tuple[Any, ...] = (
+        arguments: tuple[Any, ...] = (
             *(getattr(m, name) for name in names),
             lagrangian.stiffness,
             lagrangian.damping,
             lagrangian.tip,
         )
-        places, constants = lifted(given)
-        return _equations(self.model, names, places), constants
+        patterns, constants = lifted(arguments)
+        return _equations(self.model, names, patterns), constants
 
     def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
         from boomctl.rotating_beam.modal import forced  # which only a loop needs
 
         p, equations = self.parameters, self.equations
-        places = forced.shape_places(p, self.modes, axial=self.has_axial_modes, shortening=self.model != "tlam")
+        point_at = forced.shape_points(p, self.modes, axial=self.has_axial_modes, shortening=self.model != "tlam")
         closed = isinstance(equations, FirstOrderEquations)
-        law = forced.first_order_law(equations) if closed else forced.lagrangian_law(self._lagrangian, places, p.length)
-        return forced.forced_modes(self._small_motion(0.0), law, places, p, self.state_labels, sensors)
+        law = (
+            forced.first_order_law(equations) if closed else forced.lagrangian_law(self._lagrangian, point_at, p.length)
+        )
+        return forced.forced_modes(self._small_motion(0.0), law, point_at, p, self.state_labels, sensors)
 
     @property
     def _size(self) -> int:
@@ -366,7 +368,7 @@ class AssumedModesBeam(HubBeam):
         )
 
 
-@lru_cache(maxsize=16)  # beams and speeds that are asked for again and again (a choice)
+@lru_cache(maxsize=16)  # pairs of beam and speed that are evaluated repeatedly
 def _steady(beam: AssumedModesBeam, speed: float) -> tuple[Array, tuple[Array, Array, Array]]:
     """Beam coordinates at which the beam is at rest in the hub's frame, and the equations' derivatives there.
 
@@ -387,7 +389,7 @@ MODELS["geometrically-exact"] = GeometricallyExactBeam
 
 
 def _dynamics(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array, rate: Array) -> Dynamics:
-    """What a motion's forces and inertias come to, some instants at a time."""
+    """Evaluate forces and inertias of a motion, a chunk of times at once."""
     parts = [
         _part(equations, maneuver, timepts[at], y[at], rate[at])
         for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
@@ -420,9 +422,9 @@ def _lagrangian(model: str, integrals: Any, stiffness: Any, damping: Any, tip: A
 
 
 @lru_cache(maxsize=32)  # structures: each model with a few numbers of modes
-def _equations(model: str, names: tuple[str, ...], places: tuple[Places, ...]) -> casadi.Function:
-    """Equations of all beams with matrices that are filled at the same places."""
-    vector, matrices = symbols(places)
+def _equations(model: str, names: tuple[str, ...], patterns: tuple[Places, ...]) -> casadi.Function:
+    """Return the equations of all beams whose matrices have the same nonzero pattern."""
+    vector, matrices = symbols(patterns)
     integrals = SimpleNamespace(**dict(zip(names, matrices, strict=False)))
     stiffness, damping, tip = matrices[len(names) :]
     lagrangian = _lagrangian(model, integrals, stiffness, damping, tip, "M1" in names)

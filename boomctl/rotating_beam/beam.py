@@ -1,6 +1,6 @@
-"""What every model of the hub-beam offers.
+"""Common interface of all models of the hub-beam.
 
-A model is a final subclass of :class:`HubBeam` in a file of its own; ``assumed_modes`` enters all of them in :data:`MODELS`.
+A model is a final subclass of :class:`HubBeam` in a separate file; ``assumed_modes`` registers all models in :data:`MODELS`.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ if TYPE_CHECKING:
 
 INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
-_SHORTEST = 1e-60  # s between instants: its powers are numbers still (a choice)
-_LATEST = 1e9  # s that a motion may last: 30 years (a choice)
-_FASTEST = 1e60  # rad/s that a hub may turn at: powers of it are numbers still (a choice)
+_SHORTEST = 1e-60  # Shortest spacing of times [s]: its powers do not underflow.
+_LATEST = 1e9  # Longest motion [s]: 30 years.
+_FASTEST = 1e60  # Largest hub speed [rad/s]: its powers do not overflow.
 
-_SMALL = 1e-6  # of the length, by which coordinates are moved either way to see a shape: its square is rounding
-_JUST_BELOW = 1.0 - 1e-6  # of the speed at which the stiffness is lost, where a diagram ends: a frequency is nearly 0
-_STEEP = 12  # speeds before it that a diagram gains there (a choice)
-_TOLERANCE = 1e-8, 1e-10  # rtol and atol [m] of a simulation where none are given (a choice)
+_SMALL = 1e-6  # Perturbation of coordinates, relative to the length, for mode shapes: its square is a rounding error.
+_JUST_BELOW = 1.0 - 1e-6  # End of a diagram relative to the divergence speed, where a frequency is nearly 0.
+_STEEP = 12  # Speeds added to a diagram just below its end.
+_TOLERANCE = 1e-8, 1e-10  # Default rtol and atol [m] of a simulation.
 
 
 class SmallMotion(NamedTuple):
@@ -96,12 +96,12 @@ class HubBeam(ABC):
     modes : int
         Number of shape functions; the model says which, and how many there may be.
     selection : record or None
-        Of a beam that `hub_beam` chose for its accuracy in a maneuver: what was chosen, and what was tried.
+        Result of the selection by accuracy in a maneuver, with the tested candidates; None if the model was specified.
 
     Raises
     ------
     TypeError
-        If `parameters` or `modes` is of another kind.
+        If `parameters` or `modes` has the wrong type.
     ValueError
         If `modes` is less than 1 or too many.
 
@@ -128,8 +128,8 @@ class HubBeam(ABC):
         object.__setattr__(self, "modes", modes)
 
     def __repr__(self) -> str:
-        given = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))
-        others = [f"{field.name} {value:.6g}" for field, value in given if value != field.default]
+        values = ((field, getattr(self.parameters, field.name)) for field in fields(self.parameters))
+        others = [f"{field.name} {value:.6g}" for field, value in values if value != field.default]
         chosen = "" if self.selection is None else "\n" + indent(fill(str(self.selection), WIDTH - 2), "  ")
         return (
             f"{type(self).__name__}: {self.model}, {count(self.modes, 'mode')}, {len(self.state_labels)} states\n"
@@ -145,7 +145,7 @@ class HubBeam(ABC):
     @property
     @abstractmethod
     def has_axial_modes(self) -> bool:
-        """Whether the model has axial coordinates."""
+        """True if the model has axial coordinates."""
 
     @property
     @abstractmethod
@@ -191,13 +191,13 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            At a hub speed at which the stiffness is lost, or if `coupled` is asked of a model without axial
-            modes; arguments of another kind.
+            If the stiffness is lost at the hub speed, `coupled` is True for a model without axial modes, or an argument
+            has the wrong type.
 
         Warns
         -----
         BoomctlWarning
-            The lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
+            If the lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
         """
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
@@ -211,23 +211,23 @@ class HubBeam(ABC):
 
     @one_blas_thread
     def mode_shapes(self, count: int = 3) -> ModeShapes:
-        """Return the lowest undamped modes at rest, the hub held, and what they look like.
+        """Return the lowest undamped modes at rest with the hub fixed, and their shapes.
 
         Parameters
         ----------
         count : int
-            How many modes, from the lowest.
+            Number of modes, from the lowest.
 
         Returns
         -------
         ModeShapes
-            Frequencies, mass-normalized shapes over the beam's coordinates, bending and axial motion told; ``.plot()``
-            draws the beam.
+            Frequencies, mass-normalized shapes over the beam's coordinates, with the kind of motion, bending or axial;
+            ``.plot()`` draws the beam.
 
         Raises
         ------
         TypeError, ValueError
-            ``count`` is not a whole number up to that of the coordinates.
+            If ``count`` is not a whole number up to the number of coordinates.
         """
         from scipy.linalg import eigh
 
@@ -263,15 +263,15 @@ class HubBeam(ABC):
         orders: Sequence[float] = (1.0, 2.0, 3.0),
         coupled: bool = False,
     ) -> CampbellDiagram:
-        """Return the natural frequencies over the hub speed, and the speeds at which multiples of it meet them.
+        """Return the natural frequencies over the hub speed, and the speeds at which a multiple of it equals a frequency.
 
         Parameters
         ----------
         speeds : array_like
-            Hub speeds, ascending, from 0 on [rad/s]; in place of those at which the stiffness is lost stand some just
-            below them.
+            Hub speeds, ascending, from 0 on [rad/s]; speeds at which the stiffness is lost are replaced by speeds just
+            below the divergence speed.
         count : int
-            How many frequencies, from the lowest; fewer where the model has fewer.
+            Number of frequencies, from the lowest; fewer if the model has fewer.
         orders : sequence of float
             Multiples of the hub speed, above zero.
         coupled : bool
@@ -285,17 +285,17 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            Speeds that do not ascend, negative ones, or none at which the beam keeps its stiffness; as `eigenfrequencies_hz`.
+            If the speeds do not ascend, are negative, or the stiffness is lost at all of them; as `eigenfrequencies_hz`.
         """
-        asked = finite_array("speeds", speeds, ndim=1)
-        if len(asked) < 2 or asked[0] < 0.0 or not (np.diff(asked) > 0.0).all():
+        requested = finite_array("speeds", speeds, ndim=1)
+        if len(requested) < 2 or requested[0] < 0.0 or not (np.diff(requested) > 0.0).all():
             raise ValueError("speeds: expected two hub speeds or more, ascending, from 0 on [rad/s]")
         multiples = tuple(positive("orders", order) for order in sequence("orders", orders, "numbers"))
         most, lost = whole("count", count), self.divergence_speed()
-        below = asked[asked < lost * _JUST_BELOW]
+        below = requested[requested < lost * _JUST_BELOW]
         if not len(below):
             raise ValueError(f"speeds: expected some below {up_to(lost)} rad/s, where {self.model} loses its stiffness")
-        if len(below) < len(asked):
+        if len(below) < len(requested):
             steep = lost * np.sqrt(
                 1.0 - np.linspace(0.0, 1.0, _STEEP + 1)[::-1] ** 2
             )  # a frequency falls as a circle does
@@ -318,45 +318,45 @@ class HubBeam(ABC):
         Parameters
         ----------
         maneuver : PrescribedMotion, TorqueDriven, SlewResult or TorqueProfile
-            As `spin_up`, `sine_torque` or a function of `boomctl.maneuvers` returns it; or a slew that was planned,
-            for this beam or another one, whose torque is played, or its ``torque_profile``.
+            As `spin_up`, `sine_torque` or a function of `boomctl.maneuvers` returns it; or a planned slew, for this beam or
+            another one, whose torque is applied, or its ``torque_profile``.
         timepts : array_like, optional
-            Instants at which the motion is wanted, s; ascending, >= 0. The motion starts at t = 0 in any case. Of a slew,
-            by default its own.
+            Times at which the motion is returned, s; ascending, >= 0. The motion always starts at t = 0. By default the
+            times of the slew.
         initial_state : array_like or None
-            State at t = 0 in the order of `state_names`; None is rest. With the hub's motion prescribed its hub angle
-            and speed are to be those of the maneuver.
+            State at t = 0 in the order of `state_names`; None is rest. If the hub's motion is prescribed, hub angle and
+            speed must be equal to those of the maneuver.
         rtol, atol : float, optional
-            The error of the free end's displacement is kept below ``atol + rtol max |displacement|`` [m]; that of the
-            hub angle times the free end's radius likewise. By default 1e-8 and 1e-10 m; in the maneuver, from rest, for
-            which a beam was chosen by its accuracy, what that needs.
+            Limit ``atol + rtol max |displacement|`` [m] on the error of the free end's displacement, and on the error of
+            the hub angle times the free end's radius. By default 1e-8 and 1e-10 m; the tolerance of ``selection`` in its
+            maneuver, from rest, if the model was selected by accuracy.
 
         Returns
         -------
         SimulationResult
-            The motion of hub and beam at the instants asked for.
+            Motion of hub and beam at the requested times.
 
         Raises
         ------
         TypeError
-            If the maneuver is none.
+            If `maneuver` is not a maneuver.
         ValueError
-            If `timepts`, `initial_state` or a tolerance is out of its range, the functions of a hub profile do not belong
-            together, or a slew does not begin at rest and no `initial_state` is given.
+            If `timepts`, `initial_state` or a tolerance is out of its range, the functions of a hub profile are
+            inconsistent, or a slew does not begin at rest and no `initial_state` is given.
         SimulationError
-            If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is missed.
+            If the mass matrix ceases to be positive definite, the deflection overflows, or the tolerance is not reached.
         """
         if timepts is None:
             timepts = getattr(maneuver, "time", None)
             if timepts is None:
-                raise TypeError("timepts: expected instants [s], got none")
-        instants = _instants(timepts)
+                raise TypeError("timepts: expected times [s], got none")
+        times = _checked_times(timepts)
         maneuver = _played(maneuver, initial_state)
         tolerance = self._tolerance(maneuver, initial_state, rtol, atol)
         start = self._start(maneuver, initial_state)
-        maneuver = _checked(maneuver, float(instants[-1]))
+        maneuver = _checked(maneuver, float(times[-1]))
         with computing("motion"):
-            return self._result(maneuver, instants, start, self._motion(maneuver, instants, start, tolerance))
+            return self._result(maneuver, times, start, self._motion(maneuver, times, start, tolerance))
 
     @one_blas_thread
     def steady_state(self, hub_speed: float = 0.0) -> Array:
@@ -385,7 +385,7 @@ class HubBeam(ABC):
 
     @abstractmethod
     def deformed_shape(self, states: ArrayLike) -> Array:
-        """Return where the beam is, in fixed axes.
+        """Return the positions of points of the beam, in fixed axes.
 
         Parameters
         ----------
@@ -400,11 +400,11 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            Not finite, or not as many numbers as states.
+            If ``states`` is not finite, or does not have as many numbers a row as there are states.
         """
 
     def _states(self, states: ArrayLike) -> Array:
-        """Return states that a user hands in, one a row."""
+        """Return states that a user passes, one a row."""
         rows = np.atleast_2d(finite_array("states", states))
         if rows.ndim != 2 or rows.shape[1] != 2 * self._size:
             raise ValueError(f"states: expected {2 * self._size} numbers a state, got shape {np.shape(states)}")
@@ -536,7 +536,7 @@ class HubBeam(ABC):
     def _tolerance(
         self, maneuver: Maneuver, initial: ArrayLike | None, rtol: float | None, atol: float | None
     ) -> tuple[float, float]:
-        """Return what keeps the accuracy for which the beam was chosen, in its maneuver; else what is usual."""
+        """Return the tolerance of the beam's selection in its maneuver, otherwise the default tolerance."""
         chosen, usual = self.selection, _TOLERANCE
         if chosen is not None and initial is None and maneuver == chosen.maneuver:
             usual = chosen.rtol, chosen.atol
@@ -580,23 +580,21 @@ class HubBeam(ABC):
                 f"{self.model} loses its stiffness"
             )
 
-    def _solved(self, maneuver: Maneuver, instants: Array, tolerance: tuple[float, float]) -> Motion:
+    def _solved(self, maneuver: Maneuver, times: Array, tolerance: tuple[float, float]) -> Motion:
         """Motion from rest, with the error of its solver alone."""
         start = self._start(maneuver, None)
-        return self._motion(_checked(maneuver, float(instants[-1])), instants, start, tolerance)
+        return self._motion(_checked(maneuver, float(times[-1])), times, start, tolerance)
 
-    def _result(
-        self, maneuver: Maneuver, instants: Array, start: tuple[Array, Array], found: Motion
-    ) -> SimulationResult:
+    def _result(self, maneuver: Maneuver, times: Array, start: tuple[Array, Array], motion: Motion) -> SimulationResult:
         return SimulationResult(
             model=self.model,
-            time=instants,
-            tip_displacement=found.tip,
-            small_deformation_until=found.small_deformation_until,
-            n_steps=found.steps,
-            _error=partial(self._error, maneuver, instants, start, found),
-            details=partial(self._details, maneuver, instants, found),
-            stages=found.stages,
+            time=times,
+            tip_displacement=motion.tip,
+            small_deformation_until=motion.small_deformation_until,
+            n_steps=motion.steps,
+            _error=partial(self._error, maneuver, times, start, motion),
+            details=partial(self._details, maneuver, times, motion),
+            stages=motion.stages,
         )
 
     def _start(self, maneuver: Maneuver, initial: ArrayLike | None) -> tuple[Array, Array]:
@@ -607,9 +605,9 @@ class HubBeam(ABC):
         if isinstance(maneuver, PrescribedMotion):
             for index, name in ((0, "angle"), (size, "speed")):
                 prescribed = float(getattr(maneuver, name)(0.0))
-                apart = abs(state[index] - prescribed)
-                # an initial hub angle or speed is the maneuver's but for rounding, relative or in rad, rad/s
-                if initial is not None and apart > SUMMED * max(1.0, abs(prescribed)):
+                difference = abs(state[index] - prescribed)
+                # an initial hub angle or speed equals the maneuver's to rounding error, relative or in rad, rad/s
+                if initial is not None and difference > SUMMED * max(1.0, abs(prescribed)):
                     raise ValueError(
                         f"initial hub {name} = {exactly(state[index])}: expected {exactly(prescribed)}, as "
                         f"the maneuver has it"
@@ -627,10 +625,10 @@ class HubBeam(ABC):
         """See `eigenfrequencies_hz`; the speed is known to be below the critical one."""
 
     def _coupled_hz(self, speed: float) -> Array:
-        """As `_transverse_hz`, of all coordinates of the beam and with gyroscopic terms.
+        """Compute the frequencies of `_transverse_hz` over all coordinates of the beam, with gyroscopic terms.
 
-        With ``M = L L^T`` and ``K = R R^T`` the periods are eigenvalues of a skew-symmetric matrix, which keeps the low
-        frequencies exact beside axial ones 1e4 times higher.
+        With ``M = L L^T`` and ``K = R R^T`` the periods are eigenvalues of a skew-symmetric matrix, so that low frequencies
+        are accurate to rounding error although axial frequencies are 1e4 times higher.
         """
         from scipy.linalg import cholesky, solve_triangular
 
@@ -660,11 +658,11 @@ class HubBeam(ABC):
 
     def _forced_modes(self, sensors: Sequence[object]) -> MachineModes:
         """Equations under forces on hub and tip, in modes at rest, with sensors among the outputs."""
-        return _kept_modes(self, checked_sensors(sensors, self.parameters.length))
+        return _cached_modes(self, checked_sensors(sensors, self.parameters.length))
 
     @abstractmethod
     def _built_modes(self, sensors: tuple[BeamSensor, ...]) -> MachineModes:
-        """What `_forced_modes` keeps."""
+        """Compute the result of `_forced_modes`, which caches it."""
 
     @abstractmethod
     def _state_derivative(self, x: Array, torque: float) -> Array:
@@ -689,13 +687,13 @@ class HubBeam(ABC):
         """Evaluate a motion."""
 
 
-@lru_cache(maxsize=16)  # beams around which loops are closed again and again (a choice)
-def _kept_modes(beam: HubBeam, sensors: tuple[BeamSensor, ...]) -> MachineModes:
+@lru_cache(maxsize=16)  # beams around which loops are closed repeatedly
+def _cached_modes(beam: HubBeam, sensors: tuple[BeamSensor, ...]) -> MachineModes:
     return beam._built_modes(sensors)
 
 
 MODELS: dict[str, Callable[..., HubBeam]] = {}
-"""From the name of a model to what makes it of `parameters` and `modes`; the file of the assumed modes fills it."""
+"""Constructors of the models by name, with arguments `parameters` and `modes`; `assumed_modes` fills it."""
 
 
 def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
@@ -705,36 +703,36 @@ def in_model(parameters: HubBeamParameters, model: str, modes: int) -> HubBeam:
     return MODELS[model](parameters=parameters, modes=modes)
 
 
-def _instants(value: ArrayLike) -> Array:
-    """Return the instants at which a simulation is wanted: one-dimensional, finite, strictly ascending, from 0 on."""
+def _checked_times(value: ArrayLike) -> Array:
+    """Return the times of a simulation, checked: one-dimensional, finite, strictly ascending, from 0 on."""
     timepts = finite_array("timepts", value, ndim=1)
     if not timepts.size:
-        raise ValueError("timepts: expected at least one instant [s], got none")
+        raise ValueError("timepts: expected at least one time [s], got none")
     if timepts[0] < 0.0:
-        raise ValueError(f"timepts[0] = {timepts[0]!r}: expected instants >= 0; a maneuver starts at 0")
+        raise ValueError(f"timepts[0] = {timepts[0]!r}: expected times >= 0; a maneuver starts at 0")
     gap = float((timepts[1:] - timepts[:-1]).min(initial=np.inf))
     if gap <= 0.0:
-        raise ValueError("timepts: expected strictly ascending instants")
+        raise ValueError("timepts: expected strictly ascending times")
     if timepts[-1] > _LATEST:
         raise ValueError(f"timepts[-1] = {exactly(timepts[-1])}: expected at most {_LATEST:g} s")
     if gap < _SHORTEST:
-        raise ValueError(f"timepts: expected instants at least {_SHORTEST:g} s apart, got {gap:g} s")
+        raise ValueError(f"timepts: expected a spacing of at least {_SHORTEST:g} s, got {gap:g} s")
     return timepts
 
 
-def _played(given: Any, initial: ArrayLike | None) -> Maneuver:
-    """Return the torque of a slew, or of its history, as a maneuver; maneuvers as they are."""
-    history: Any = getattr(given, "torque_profile", given)
+def _played(maneuver: Any, initial: ArrayLike | None) -> Maneuver:
+    """Return the torque of a slew, or of its profile, as a maneuver; return a maneuver unchanged."""
+    history: Any = getattr(maneuver, "torque_profile", maneuver)
     if not all(hasattr(history, name) for name in ("edges", "start_values", "end_values")):
-        return given
-    size = np.abs(getattr(given, "states", np.zeros((1, 1))))
+        return maneuver
+    size = np.abs(getattr(maneuver, "states", np.zeros((1, 1))))
     if initial is None and (size[0] > ROOT * size.max(axis=0)).any():
         raise ValueError("initial_state: expected the state that the slew begins with, which is not at rest, got none")
     return StraightTorque(history.edges, history.start_values, history.end_values)
 
 
 def _checked(maneuver: Maneuver, end: float) -> Maneuver:
-    """Return a maneuver; a hub profile as it was checked up to an instant [s]."""
+    """Return a maneuver, or a hub profile checked up to a time [s]."""
     return maneuver.checked_until(end) if isinstance(maneuver, HubProfile) and end > 0.0 else maneuver
 
 
@@ -749,12 +747,12 @@ def _initial_state(value: ArrayLike, size: int) -> Array:
 
 
 def natural_hz(mass: Array, stiffness: Array) -> Array:
-    """Natural frequencies of a positive definite pair, by its periods, ascending [Hz]."""
+    """Return the natural frequencies of a positive definite pair, ascending [Hz], computed from its periods."""
     from scipy.linalg import eigh
 
     return 1.0 / (2.0 * np.pi * np.sqrt(eigh(mass, stiffness, eigvals_only=True)[::-1]))
 
 
 def lowest_rate(mass: Array, stiffness: Array) -> float:
-    """The lowest of them, rad/s: where the mass turns round a hub, the speed at which the stiffness is lost."""
+    """Return the lowest natural frequency, rad/s; for a mass on a rotating hub the speed at which the stiffness is lost."""
     return 2.0 * np.pi * float(natural_hz(mass, stiffness)[0])

@@ -57,13 +57,13 @@ class CampbellDiagram:
     model : str
         Name of the beam's model.
     hub_speeds : (k,) ndarray
-        Those asked for; in place of those at which the stiffness is lost, some just below [rad/s].
+        Requested speeds below the divergence speed; if others were requested, also speeds just below it [rad/s].
     eigenfrequencies_hz : (k, n) ndarray
         Ascending at each speed [Hz].
     critical_speeds : tuple of CriticalSpeed
-        Critical speeds: where an order meets a frequency, between the speeds asked for, ascending.
+        Speeds at which a multiple of the hub speed equals a frequency, between the requested speeds, ascending.
     divergence_speed : float
-        Hub speed at which some stiffness is lost [rad/s]; ``inf`` where none is.
+        Hub speed at which the stiffness is lost [rad/s]; ``inf`` if it never is.
     orders : tuple of float
         Multiples of the hub speed.
 
@@ -93,20 +93,19 @@ class CampbellDiagram:
         return f"CampbellDiagram: {self.model}, {modes}, {span}{lost}\n  critical speeds: {listed(met)}"
 
     def plot(self, ax: Any = None, **style: Any) -> Any:
-        """Draw the frequencies over the hub speed, its multiples, and circles where they meet.
+        """Draw the frequencies over the hub speed, its multiples, and circles at the critical speeds.
 
         Parameters
         ----------
         ax : matplotlib Axes, optional
-            Where to draw; by default a new figure of pyplot.  On a diagram that is there already the multiples are not
-            drawn again.
+            Axes; by default a new figure of pyplot.  The multiples are not drawn again on axes that already have a diagram.
         **style
-            Of the frequencies, as matplotlib's lines take it.
+            Line properties of matplotlib for the frequencies.
 
         Returns
         -------
         matplotlib.axes.Axes
-            Those drawn on.
+            Axes drawn on.
         """
         return import_module("boomctl.plotting.rotating_beam").plot_campbell(self, ax, **style)
 
@@ -114,21 +113,21 @@ class CampbellDiagram:
 def campbell_diagram(
     model: str, frequencies: Callable[[float], Array], speeds: Array, orders: tuple[float, ...], lost: float
 ) -> CampbellDiagram:
-    """Return a diagram from a function that returns the frequencies at a hub speed [Hz], at speeds below ``lost``."""
+    """Return a diagram from a function that returns the frequencies [Hz] at a hub speed below ``lost``."""
     from scipy import optimize  # long to import
 
     values = np.array([frequencies(float(speed)) for speed in speeds])
     result = []
     for order in orders:
-        apart = values - order * speeds[:, None] / _TURN
+        difference = values - order * speeds[:, None] / _TURN
         for mode in range(values.shape[1]):
-            met = np.flatnonzero(apart[:, mode] == 0.0)
-            roots = [float(speeds[k]) for k in met if speeds[k] > 0.0]
+            zeros = np.flatnonzero(difference[:, mode] == 0.0)
+            roots = [float(speeds[k]) for k in zeros if speeds[k] > 0.0]
 
             def gap(speed: float, order: float = order, mode: int = mode) -> float:
                 return float(frequencies(speed)[mode] - order * speed / _TURN)
 
-            for k in np.flatnonzero(apart[:-1, mode] * apart[1:, mode] < 0.0):
+            for k in np.flatnonzero(difference[:-1, mode] * difference[1:, mode] < 0.0):
                 roots.append(float(optimize.brentq(gap, speeds[k], speeds[k + 1], rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
             result += [CriticalSpeed(order, mode + 1, root, order * root / _TURN) for root in roots]
     result.sort(key=lambda crossing: crossing.hub_speed)

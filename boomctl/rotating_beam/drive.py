@@ -1,7 +1,7 @@
-"""Steps that are short where a user's torque or hub acceleration jumps or is swift, which it need not say.
+"""Steps that are short where a user's torque or hub acceleration jumps or changes fast, without declared breakpoints.
 
-No finite number of samples finds everything. A function is looked at in Gauss points of each step, and at even instants:
-every 0.5 ms, and at 16,384 to 1,048,576 instants in all. What is shorter has to be named as a breakpoint.
+No finite number of samples resolves every function. A function is evaluated at the Gauss points of each step, and at equally
+spaced times: every 0.5 ms, and 16,384 to 1,048,576 times in all. Shorter features must be declared as breakpoints.
 """
 
 from collections.abc import Callable
@@ -12,62 +12,62 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 
-_GAP = 5e-4  # s between instants: a pulse of 1 N m so short moves the tip of Table 1's beam by 1e-5 m (a choice)
-_FEWEST, _MOST = 2**14, 2**20  # instants, so that short motions are seen as finely, and long ones end (choices)
-_POINTS = 10  # Gauss points at which a function is looked at on each step (a choice)
-_ROUGH = 1e-6  # of its largest value: what is farther off a polynomial means that none follows the function
-_SMALLEST = 1e-12  # of the whole time: a jump within so short a step is as good as at its edge
-_PASSES = 45  # halvings of a first step: 2^-45 is below the smallest step
-_NEAR_END = 1e-6  # Distance over the step of further instants to its ends: a jump between Gauss point and end is found.
-_EDGE = 1e-9  # of a step: so near to its ends an instant may belong to the next one
+_GAP = 5e-4  # Spacing of the times [s]: a pulse of 1 N m and this duration moves the tip of Table 1's beam by 1e-5 m.
+_FEWEST, _MOST = 2**14, 2**20  # Limits of the number of times: resolution of short motions, cost of long motions.
+_POINTS = 10  # Gauss points at which a function is evaluated on each step.
+_ROUGH = 1e-6  # Deviation from a polynomial, relative to the largest value, above which a step is halved.
+_SMALLEST = 1e-12  # Smallest step relative to the full duration: the effect of a jump within such a step is negligible.
+_PASSES = 45  # Halvings of a first step: 2^-45 is below the smallest step.
+_NEAR_END = 1e-6  # Distance over the step of further times to its ends: a jump between Gauss point and end is found.
+_EDGE = 1e-9  # Distance to an end, over the step, below which a time may belong to the adjacent step.
 
 
-def even_instants(end: float) -> Array:
-    """Return the even instants at which a function is looked at, from 0 to an end [s]."""
+def even_times(end: float) -> Array:
+    """Return the equally spaced times at which a function is evaluated, from 0 to an end [s]."""
     return np.linspace(0.0, end, int(np.clip(np.ceil(end / _GAP), _FEWEST, _MOST)) + 1)
 
 
-def off_polynomials(values: Array, begin: Array, length: Array, instants: Array, found: Array) -> tuple[Array, Array]:
-    """Return by how much a function is off the polynomials through its Gauss points, and in which steps that was found.
+def polynomial_errors(values: Array, begin: Array, length: Array, times: Array, samples: Array) -> tuple[Array, Array]:
+    """Return the deviation of a function from the polynomials through its Gauss points, and the step of each sample.
 
     Parameters
     ----------
     values : ndarray, m x s
-        At s Gauss points of each of m steps.
+        Function at s Gauss points of each of m steps.
     begin, length : ndarray, m
-        Of the steps, s.
-    instants, found : ndarray, k
-        Instants within the steps, and the values there.
+        Start times and lengths of the steps, s.
+    times, samples : ndarray, k
+        Times within the steps, and the function there.
 
     Returns
     -------
-    apart : ndarray, k
-        Zero at instants that lie at an end of a step.
+    error : ndarray, k
+        Zero at times that coincide with an end of a step.
     step : ndarray of int, k
     """
     degree = values.shape[1] - 1
-    step = np.clip(np.searchsorted(begin, instants, side="right") - 1, 0, len(begin) - 1)
-    place = (instants - begin[step]) / length[step]
+    step = np.clip(np.searchsorted(begin, times, side="right") - 1, 0, len(begin) - 1)
+    position = (times - begin[step]) / length[step]
     terms = values @ gauss_method(degree + 1).terms.T
-    apart = np.abs(found - np.einsum("ki,ki->k", legendre.legvander(2.0 * place - 1.0, degree), terms[step]))
-    return np.where((place > _EDGE) & (place < 1.0 - _EDGE), apart, 0.0), step
+    error = np.abs(samples - np.einsum("ki,ki->k", legendre.legvander(2.0 * position - 1.0, degree), terms[step]))
+    return np.where((position > _EDGE) & (position < 1.0 - _EDGE), error, 0.0), step
 
 
 def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
-    """Halve steps until a polynomial follows a function on each: its jumps then lie within very short ones.
+    """Halve steps until a polynomial approximates a function on each step; jumps are then within very short steps.
 
     Parameters
     ----------
     edges : ndarray
         Ends of the first steps, from 0 on, s.
     function : callable
-        Torque or hub acceleration of an array of instants.
+        Torque or hub acceleration of an array of times.
     """
     nodes, terms = gauss_method(_POINTS).nodes, gauss_method(_POINTS).terms
     ends = np.array([_NEAR_END, 1.0 - _NEAR_END])
     at_ends = legendre.legvander(2.0 * ends - 1.0, _POINTS - 1) @ terms
-    instants = even_instants(float(edges[-1]))
-    result = function(instants)
+    times = even_times(float(edges[-1]))
+    result = function(times)
     largest = float(np.abs(result).max())
     for _ in range(_PASSES):
         length = np.diff(edges)
@@ -76,13 +76,13 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
         rough = np.abs(values @ terms[-2:].T).max(axis=1) > _ROUGH * largest
         near_ends = function(edges[:-1, None] + length[:, None] * ends)
         rough |= np.abs(near_ends - values @ at_ends.T).max(axis=1) > _ROUGH * largest
-        apart, step = off_polynomials(values, edges[:-1], length, instants, result)
-        rough[step[apart > _ROUGH * largest]] = True
+        error, step = polynomial_errors(values, edges[:-1], length, times, result)
+        rough[step[error > _ROUGH * largest]] = True
         rough &= 0.5 * length > _SMALLEST * edges[-1]
         if not rough.any():
             break
-        # what was not rough is not looked at again
+        # samples in smooth steps are not checked again
         open_ = rough[step]
-        instants, result = instants[open_], result[open_]
+        times, result = times[open_], result[open_]
         edges = np.sort(np.concatenate([edges, (edges[:-1] + 0.5 * length)[rough]]))
     return edges

@@ -84,7 +84,7 @@ def hub_beam(
         "foam": terms of the kinetic energy up to second order, axial modes included.  "sfoam": FOAM without axial
         modes, as printed, Eq. (40); "sfoam-consistent": with ``Q_theta``, so that it conserves energy and angular
         momentum.  "tlam": linear, without dynamic stiffening.  "cfoam": all terms of the kinetic energy.
-        "geometrically-exact": a beam of finite rotation, against which the others can be judged.
+        "geometrically-exact": a beam of finite rotation, the reference for the other models.
         By default "sfoam".
     modes : int
         Number of transverse modes and, where the model has them, of axial ones; of a geometrically exact beam, of
@@ -93,29 +93,29 @@ def hub_beam(
         Instead of `model` and `modes`: the first of "sfoam" with 1, 2, 3, 5, 8 modes and "geometrically-exact" with 3, 4, 6,
         8, 12 polynomials is chosen whose free end moves across the undeformed beam as a converged geometrically exact
         beam's does in `maneuver`, from rest. The largest error over
-        the motion is at most so large, relative to the largest displacement in it; the solver's error is part of that.
-        What is left when the maneuver is over may be far smaller, and its relative error larger. The beam's `selection` says
-        what was tried; ``simulate`` keeps this accuracy in this maneuver by default.
+        the motion, solver error included, is at most `accuracy` times the largest displacement. The residual vibration
+        after the maneuver may be far smaller, and its relative error larger. The beam's `selection` lists the tested
+        candidates; ``simulate`` has this accuracy in this maneuver by default.
     maneuver : PrescribedMotion or TorqueDriven, optional
-        As for ``simulate``; goes with `accuracy`.
+        As for ``simulate``; required with `accuracy`.
     timepts : float or array_like, optional
-        Until when the accuracy holds [s]; of instants, the last one. By default five periods of the slowest mode after the
-        last breakpoint of the maneuver.
+        Time until which the accuracy holds [s]; the last one of an array. By default five periods of the slowest mode after
+        the last breakpoint of the maneuver.
     **changes : float
-        Parameters of the machine by name, in place of those of `parameters`.
+        Parameters of the machine by name, which replace values of `parameters`.
 
     Returns
     -------
     AssumedModesBeam or GeometricallyExactBeam
-        What is simulated, linearized, or slewed: see `HubBeam`.
+        Model for simulation, linearization and slews: see `HubBeam`.
 
     Raises
     ------
     TypeError
-        If `parameters`, `modes` or another argument is of another kind, or a parameter is unknown.
+        If `parameters`, `modes` or another argument has the wrong type, or a parameter is unknown.
     ValueError
-        If the model is unknown, or `modes` less than 1 or too many; an accuracy beside a model, without a maneuver, or that
-        cannot be reached or proved.
+        If the model is unknown, `modes` is less than 1 or too large, or `accuracy` is given with a model, given without a
+        maneuver, or cannot be reached or verified.
 
     Examples
     --------
@@ -132,9 +132,9 @@ def hub_beam(
     p = or_default(HubBeamParameters, "parameters", parameters, changes, signature_of(hub_beam))
     if accuracy is None and maneuver is None and timepts is None:
         return in_model(p, "sfoam" if model is None else model, 5 if modes is None else modes)
-    for name, given in (("model", model), ("modes", modes)):
-        if given is not None:
-            raise ValueError(f"{name} = {shown(given)}: expected none beside accuracy and maneuver, which choose it")
-    from boomctl.rotating_beam.accuracy import chosen_beam  # and what it takes to judge
+    for name, value in (("model", model), ("modes", modes)):
+        if value is not None:
+            raise ValueError(f"{name} = {shown(value)}: expected None with accuracy and maneuver, which select it")
+    from boomctl.rotating_beam.accuracy import chosen_beam  # imports the geometrically exact beam
 
     return chosen_beam(p, accuracy, maneuver, timepts)

@@ -22,37 +22,37 @@ if TYPE_CHECKING:
     from boomctl.rotating_beam.modal.equations import Tip
     from boomctl.rotating_beam.sensors import BeamSensor
 
-# of what changes, what outputs read does not
+# parameters that change the model, but not the rows of its outputs
 _UNREAD = ("tip_mass", "tip_mass_position", "hub_inertia", "density", "damping_ratio")
 _ACCELERATION = "acceleration"  # the quantity whose reading changes with the hub speed
 
 
 Read: TypeAlias = "tuple[tuple[str, ...], Array, dict[str, str]]"
-"""Outputs, what they read of coordinates and their rates, and units of signals."""
+"""Outputs, their rows over coordinates and rates, and units of signals."""
 
 
 def read_by(beam: HubBeam, sensors: Sequence[BeamSensor]) -> Read:
-    """Return what the outputs of a beam in a loop read, its states among them."""
-    given = checked_sensors(sequence("sensors", sensors, "BeamSensor"), beam.parameters.length)
-    for i, sensor in enumerate(given):
+    """Return the rows of the outputs of a beam in a loop, including its states."""
+    checked = checked_sensors(sequence("sensors", sensors, "BeamSensor"), beam.parameters.length)
+    for i, sensor in enumerate(checked):
         if sensor.quantity == _ACCELERATION:
             raise ValueError(f"sensors[{i}]: expected no acceleration, whose reading changes with the hub speed")
-    size, outputs = beam._size, (*LOOP_OUTPUTS[:-1], *(sensor.name for sensor in given))
-    seen = np.zeros((len(outputs), 2 * size))
-    seen[0, 0] = seen[1, size] = 1.0
-    seen[2, :size], seen[3] = beam._small_motion(0.0).tip, beam._root_moment_row  # type: ignore[attr-defined]
-    if given:  # which takes long
-        rest = beam.linearize(0.0, given)
-        seen[4:] = np.asarray(rest.C)[[rest.output_labels.index(sensor.name) for sensor in given]]
+    size, outputs = beam._size, (*LOOP_OUTPUTS[:-1], *(sensor.name for sensor in checked))
+    readings = np.zeros((len(outputs), 2 * size))
+    readings[0, 0] = readings[1, size] = 1.0
+    readings[2, :size], readings[3] = beam._small_motion(0.0).tip, beam._root_moment_row  # type: ignore[attr-defined]
+    if checked:  # the linearization takes long
+        rest = beam.linearize(0.0, checked)
+        readings[4:] = np.asarray(rest.C)[[rest.output_labels.index(sensor.name) for sensor in checked]]
     states = [i for i, name in enumerate(beam.state_labels) if name not in outputs]
-    rows = np.vstack([seen, np.eye(2 * size)[states]])
+    rows = np.vstack([readings, np.eye(2 * size)[states]])
     lines = np.array([rows[:, :size], rows[:, size:], np.zeros((len(rows), size))])
-    units = LOOP_UNITS | {sensor.name: QUANTITIES[sensor.quantity] for sensor in given}
+    units = LOOP_UNITS | {sensor.name: QUANTITIES[sensor.quantity] for sensor in checked}
     return (*outputs, *(beam.state_labels[i] for i in states)), lines, units
 
 
 def structure_of(beam: HubBeam, speed: float, read: Read) -> SecondOrderModel:
-    """Return the linear model about steady rotation, with what its outputs read."""
+    """Return the linear model about steady rotation with these outputs."""
     tip: Tip = beam.equations.tip  # type: ignore[attr-defined]  # of models of assumed modes, the only ones that come here
     motion, size = beam._small_motion(speed), beam._size
     columns = np.zeros((size, len(LOOP_INPUTS)))
@@ -68,7 +68,7 @@ def hub_beam_family(
     beam: HubBeam,
     hub_speed: tuple[float, float] | float,
     sensors: Sequence[BeamSensor],
-    given: Mapping[str, tuple[float, float]],
+    parameters: Mapping[str, tuple[float, float]],
 ) -> PolynomialFamily:
     """Return a hub-beam about steady rotation over ranges of its parameters; see `AssumedModesBeam.family`."""
     ranges: dict[str, tuple[float, float]] = {}
@@ -78,7 +78,7 @@ def hub_beam_family(
         ranges["hub_speed"], fixed = interval("hub_speed", hub_speed), 0.0
         for end in ranges["hub_speed"]:
             beam._steady_speed(end)
-    for name, ends in given.items():
+    for name, ends in parameters.items():
         ranges[name] = interval(known("parameter", name, [field.name for field in fields(beam.parameters)]), ends)
         for end, value in zip(("lower", "upper"), ranges[name], strict=True):
             try:
@@ -89,16 +89,16 @@ def hub_beam_family(
         raise ValueError(f"hub_speed = {hub_speed!r}: expected a range, two ascending numbers, where no other is given")
 
     @cache
-    def made(changes: tuple[tuple[str, float], ...]) -> HubBeam:
+    def changed_beam(changes: tuple[tuple[str, float], ...]) -> HubBeam:
         return beam._with(**dict(changes)) if changes else beam
 
     @cache
     def read(changes: tuple[tuple[str, float], ...]) -> Read:
-        return read_by(made(changes), sensors)
+        return read_by(changed_beam(changes), sensors)
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         changes = tuple((name, value) for name, value in values.items() if name != "hub_speed")
-        seen = read(tuple(item for item in changes if item[0] not in _UNREAD))
-        return structure_of(made(changes), values.get("hub_speed", fixed), seen)
+        reading = read(tuple(item for item in changes if item[0] not in _UNREAD))
+        return structure_of(changed_beam(changes), values.get("hub_speed", fixed), reading)
 
     return PolynomialFamily.from_function(ranges, make, free=beam.state_labels[:1])

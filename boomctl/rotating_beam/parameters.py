@@ -8,7 +8,7 @@ from boomctl.parameters import Parameters
 
 
 class HubBeamChanges(TypedDict, total=False):
-    """The keywords with which `hub_beam` changes parameters: those of `HubBeamParameters`."""
+    """Keywords by which `hub_beam` changes parameters: the fields of `HubBeamParameters`."""
 
     length: float
     density: float

@@ -1,4 +1,4 @@
-"""A motion of the hub-beam, and what a simulation returns of it."""
+"""Motion of the hub-beam, and result of a simulation."""
 
 import math
 from collections.abc import Callable
@@ -13,28 +13,28 @@ from boomctl.arrays import Array
 from boomctl.lti.time_series import TimeSeries
 
 SMALL_DEFORMATION = 0.1  # of the length: the tip displacement up to which Bai et al. (2009) call a deformation small
-_HALVINGS = 50  # of a step, to find an instant within it: to rounding
+_HALVINGS = 50  # Halvings of a step to locate a time within it, to rounding error.
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Motion of hub and beam at k instants, as a solver found it.
+    """Motion of hub and beam at k times, as returned by a solver.
 
     Attributes
     ----------
     tip : ndarray, k
         Transverse displacement of the free end in the hub's frame, m.
     small_deformation_until : float
-        Instant at which that first exceeds a tenth of the length, s; inf if it never does.
+        Time at which the displacement first exceeds a tenth of the length, s; inf if it never does.
     states : callable
-        Returns coordinates and rates of hub and beam at the instants, k x N each.
+        Returns coordinates and rates of hub and beam at the times, k x N each.
     error : float
         Estimated largest error of the free end's displacement, m.
     steps : int
         Number of integration steps.
     stages : tuple of str
-        The ways that ran, in their order.
+        Methods that ran, in order.
     """
 
     tip: Array
@@ -45,13 +45,13 @@ class Motion:
     stages: tuple[str, ...]
 
 
-def kept_states(y: Array, rate: Array) -> tuple[Array, Array]:
-    """Return coordinates and rates that are known already: the `states` of a `Motion`, with their values bound."""
+def known_states(y: Array, rate: Array) -> tuple[Array, Array]:
+    """Return coordinates and rates that are already computed: the `states` of a `Motion`, with bound arguments."""
     return y, rate
 
 
 class Dynamics(NamedTuple):
-    """What forces and inertias of a motion come to; meanings and units as of `SimulationResult`."""
+    """Forces and inertias of a motion; meanings and units as in `SimulationResult`."""
 
     hub_acceleration: Array
     torque: Array
@@ -62,7 +62,7 @@ class Dynamics(NamedTuple):
 
 
 class Details(NamedTuple):
-    """What a `SimulationResult` computes when first asked for; meanings and units as there."""
+    """Quantities that a `SimulationResult` computes on first access; meanings and units as there."""
 
     axial_tip_displacement: Array
     foreshortening: Array
@@ -75,51 +75,51 @@ class Details(NamedTuple):
 @final
 @dataclass(frozen=True)
 class SimulationResult(TimeSeries):
-    """Motion of the hub-beam at the instants asked for.
+    """Motion of the hub-beam at the requested times.
 
-    Arrays have one value an instant (k of them) unless their shape is given. What is not the displacement of the free
-    end is computed when first asked for.
+    Arrays have one value per time (k of them) unless their shape is given. All quantities except the displacement of the
+    free end are computed on first access.
 
     Attributes
     ----------
     model : str
         Name of the model, as in `hub_beam`.
     time : ndarray
-        Instants, s.
+        Times, s.
     tip_displacement : ndarray
         Transverse displacement v of the free end x = L in the hub's frame, m.
     tip_extension : ndarray
-        Extension w_1 of the beam at x = L (what Figs. 5b and 6b of Bai et al. (2009) show), m; zero for models without
-        it. The free end moves axially by ``axial_tip_displacement + foreshortening`` in the hub's frame.
+        Extension w_1 of the beam at x = L, as in Figs. 5b and 6b of Bai et al. (2009), m; zero for models without axial
+        modes. The free end moves axially by ``tip_extension + foreshortening`` in the hub's frame.
     foreshortening : ndarray
-        Axial displacement w_c at x = L that goes with bending at constant length, Eq. (3), m; <= 0, and zero for TLAM.
+        Axial displacement w_c at x = L due to bending at constant length, Eq. (3), m; <= 0, and zero for TLAM.
     hub_angle, hub_speed, hub_acceleration : ndarray
         Motion of the hub, rad, rad/s, rad/s^2.
     torque : ndarray
         Torque on the hub, N m: the one applied, or the one that the prescribed motion needs.
     inertia_torque : ndarray
         Q_theta, N m: the terms of the hub's equation that are quadratic in the velocities, on the side of the torque
-        (Eq. 32; 37 for CFOAM). For SFOAM as printed it is the term left out, evaluated along its motion.
+        (Eq. 32; 37 for CFOAM). For SFOAM as printed it is the omitted term, evaluated along its motion.
     energy : ndarray
-        The model's own kinetic plus elastic energy, J.
+        Kinetic plus elastic energy of the model, J.
     angular_momentum : ndarray
-        The model's own angular momentum about the hub's axis, kg m^2/s.
+        Angular momentum of the model about the hub's axis, kg m^2/s.
     states : ndarray, k x n
         States in the order and with the names of ``to_nlsys()``: coordinates (hub angle first), then their rates.
     small_deformation_until : float
-        Instant at which the transverse tip displacement first exceeds a tenth of the length, s; inf if it never does up
-        to the last instant asked for.
+        Time at which the transverse tip displacement first exceeds a tenth of the length, s; inf if it never does up to the
+        last requested time.
     error_estimate : float
-        Estimated largest error of the tip displacement, m: of the solution of an assumed-modes model's own equations; of a
-        geometrically exact beam that of its polynomials is part of it, for which one whose number was given moves again
-        when the estimate is first asked for.
+        Estimated largest error of the tip displacement, m. For assumed-modes models it is the solver's error. For a
+        geometrically exact beam it includes the truncation of its polynomials, for which a beam with a specified number is
+        simulated again on first access.
     n_steps : int
         Number of integration steps.
     details : callable
-        Computes what is not kept.
+        Computes the quantities that are not stored.
     stages : tuple of str
-        The ways in which the motion was found, in the order in which they ran. One that missed the tolerance is named
-        with "(given up)"; the next one then did its work again.
+        Solution methods, in the order in which they ran. A method that did not reach the tolerance is marked with
+        "(given up)"; the next one then solved the same motion.
 
     Examples
     --------
@@ -142,7 +142,7 @@ class SimulationResult(TimeSeries):
     stages: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} instants"
+        span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} times"
         error = f"{', '.join(self.stages)}: {self.n_steps} steps, error estimated {self.error_estimate:.1e}"
         tip = f"largest tip displacement {np.abs(self.tip_displacement).max():.6g} m"
         if np.isfinite(self.small_deformation_until):
@@ -150,19 +150,19 @@ class SimulationResult(TimeSeries):
         return f"SimulationResult: {self.model}, {span}\n  {tip}\n  {error}"
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
-        """Draw torque, hub and tip over time, and from when on the deformation is not small.
+        """Draw torque, hub and tip over time, and mark where the deformation is not small.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: torque, hub angle, hub speed and tip displacement; by default a new figure of pyplot.
+            Axes for torque, hub angle, hub speed and tip displacement; by default a new figure of pyplot.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties of matplotlib; a ``label`` is prefixed to the curves' names.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            Axes drawn on, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.rotating_beam").plot_simulation(self, ax, **style)
 
@@ -174,7 +174,7 @@ class SimulationResult(TimeSeries):
         return {"torque": self.torque}
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the values that a comparison shows."""
         return {
             "tip displacement: rms [m]": float(np.sqrt(np.mean(self.tip_displacement**2))),
             "tip displacement: peak [m]": float(np.abs(self.tip_displacement).max()),
@@ -203,7 +203,7 @@ class SimulationResult(TimeSeries):
 
     @property
     def foreshortening(self) -> Array:
-        """Axial displacement w_c at x = L that goes with bending at constant length, m."""
+        """Axial displacement w_c at x = L due to bending at constant length, m."""
         return self._details.foreshortening
 
     @property
@@ -250,16 +250,16 @@ class SimulationResult(TimeSeries):
 def small_deformation_until(
     time: Array, tip_displacement: Array, length: float, tip_rate: Callable[[slice], Array]
 ) -> float:
-    """Instant at which ``|tip_displacement|`` first exceeds ``length / 10``, s; inf if it never does.
+    """Return the time at which ``|tip_displacement|`` first exceeds ``length / 10``, s; inf if it never does.
 
     Parameters
     ----------
     time, tip_displacement : ndarray, k
-        Instants [s] and transverse displacements of the free end [m].
+        Times [s] and transverse displacements of the free end [m].
     length : float
-        Of the beam, m.
+        Length of the beam, m.
     tip_rate : callable
-        Returns the rates of the displacement at some of the instants, m/s: between them it is taken to be a cubic.
+        Returns the rates of the displacement at a slice of the times, m/s; the displacement between two is a cubic.
     """
     limit = SMALL_DEFORMATION * length
     outside = np.flatnonzero(np.abs(tip_displacement) > limit)
@@ -271,11 +271,11 @@ def small_deformation_until(
     first, side = last - 1, np.sign(tip_displacement[last])
     step = time[last] - time[first]
     before, after = (float(side * tip_displacement[end] - limit) for end in (first, last))
-    slopes = (side * step * tip_rate(slice(first, last + 1))).tolist()
+    rates = (side * step * tip_rate(slice(first, last + 1))).tolist()
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):
         s = 0.5 * (low + high)
         cubic = before * (1 + 2 * s) * (1 - s) ** 2 + after * s**2 * (3 - 2 * s)
-        cubic += slopes[0] * s * (1 - s) ** 2 - slopes[1] * s**2 * (1 - s)
+        cubic += rates[0] * s * (1 - s) ** 2 - rates[1] * s**2 * (1 - s)
         low, high = (low, s) if cubic > 0.0 else (s, high)
     return float(time[first] + high * step)

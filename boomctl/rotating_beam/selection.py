@@ -1,4 +1,4 @@
-"""What was chosen of the models of the hub-beam for its accuracy in a maneuver, and what was tried."""
+"""Result of the selection of a hub-beam model by its accuracy in a maneuver."""
 
 from dataclasses import dataclass
 from typing import final
@@ -10,30 +10,30 @@ from boomctl.printing import compact, count
 @final
 @dataclass(frozen=True, repr=False)
 class ModelChoice:
-    """A model of the hub-beam that was chosen for its accuracy in a maneuver, and what was tried.
+    """Model of the hub-beam selected by its accuracy in a maneuver, with the tested candidates.
 
-    Errors are those of the free end's transverse displacement, the largest over the maneuver, relative to the largest
-    displacement in it; against the geometrically exact beam.
+    An error is the largest difference of the free end's transverse displacement from the displacement of the geometrically
+    exact beam over the maneuver, relative to the largest displacement.
 
     Attributes
     ----------
     accuracy, time : float
-        What was asked for, and until when it holds [s].
+        Requested accuracy, and the time until which it holds [s].
     maneuver : PrescribedMotion or TorqueDriven
-        In which it holds, from rest.
+        Maneuver in which it holds, from rest.
     model, modes : str, int
-        What was chosen.
+        Selected model and its number of modes.
     error : float
-        The error that was found.
+        Error of the selected model.
     rtol, atol : float
-        Tolerance of a simulation [relative, m] with which it was found; ``simulate`` takes it in this maneuver.
+        Tolerance [relative, m] of the simulation that determined the error; the default of ``simulate`` in this maneuver.
     largest : float
-        The largest displacement [m].
+        Largest displacement [m].
     reference : tuple of (int, int, float)
-        Polynomials of the two geometrically exact beams that agree, and by how much, relative to the largest displacement,
-        their solvers' errors included; ``error`` is measured against the second one, and may be wrong by that.
+        Numbers of polynomials of the two geometrically exact beams that agree, and their difference relative to the largest
+        displacement, including solver errors. ``error`` refers to the second beam, and is uncertain by the difference.
     tried : tuple of (str, int, float)
-        Model, modes and error of each that was tried, in turn; the error is inf where the model does not last so long.
+        Model, modes and error of each tested candidate, in order; the error is inf if the model's motion overflows.
     """
 
     accuracy: float
@@ -56,5 +56,5 @@ class ModelChoice:
         for model, _, error in self.tried:
             if error > self.accuracy:
                 best[model] = min(error, best.get(model, error))
-        missed = ", ".join(f"{model} {error:.1e}" for model, error in best.items() if model != self.model)
-        return f"{result}, {self.accuracy:.3g} asked for{f'; not with {missed}' if missed else ''}"
+        rejected = ", ".join(f"{model} {error:.1e}" for model, error in best.items() if model != self.model)
+        return f"{result}, {self.accuracy:.3g} asked for{f'; not with {rejected}' if rejected else ''}"

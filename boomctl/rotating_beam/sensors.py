@@ -1,4 +1,4 @@
-"""What is measured on a hub-beam, and where."""
+"""Sensors on a hub-beam, and the signals of a beam in a loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,30 +7,30 @@ from typing import Final, final
 from boomctl.checks import instance, known, nonnegative, real, signal_name
 
 QUANTITIES: Final = {"displacement": "m", "slope": "rad", "moment": "N m", "strain": "m/m", "acceleration": "m/s^2"}
-"""What a sensor reads, and in which unit."""
+"""Measured quantities and their units."""
 
 LOOP_INPUTS: Final = ("torque", "disturbance_torque", "tip_force")
-"""Of a beam in a loop: torque of the drive and of anything else on the hub, transverse force at the free end."""
+"""Inputs of a beam in a loop: torque of the drive, disturbance torque on the hub, transverse force at the free end."""
 
 LOOP_OUTPUTS: Final = ("hub_angle", "hub_speed", "tip_displacement", "root_moment", "tip_acceleration")
-"""Of a beam in a loop, whatever its sensors are."""
+"""Outputs of a beam in a loop, in addition to its sensors."""
 
 LOOP_UNITS: Final = {
     **dict(zip(LOOP_INPUTS, ("N m", "N m", "N"), strict=True)),
     **dict(zip(LOOP_OUTPUTS, ("rad", "rad/s", "m", "N m", "m/s^2"), strict=True)),
 }
-"""SI units of these."""
+"""SI units of these inputs and outputs."""
 
 
 @final
 @dataclass(frozen=True)
 class BeamSensor:
-    """A sensor at a place of a hub-beam.
+    """Sensor at a position on a hub-beam.
 
     Parameters
     ----------
     name : str
-        Of its signal.
+        Name of its signal.
     quantity : str
         "displacement" [m], across the undeformed beam in the frame of the hub; "slope" [rad] of the beam against it;
         "moment" [N m], the bending moment ``EI v''``; "strain", of the surface at ``height`` from the neutral axis;
@@ -39,12 +39,12 @@ class BeamSensor:
         Distance from the clamp along the undeformed beam, m.
     height : float or None
         Distance of the strain gauge from the neutral axis, m, to the side to which displacements are positive; only for
-        "strain", which is that of the axis less ``height`` times the curvature.
+        "strain", which is the strain of the axis less ``height`` times the curvature.
 
     Raises
     ------
     TypeError, ValueError
-        If a value is of another kind or out of its range.
+        If a value has the wrong type or is out of its range.
 
     Examples
     --------
@@ -70,21 +70,21 @@ class BeamSensor:
 
 
 def checked_sensors(sensors: Sequence[object], length: float) -> tuple[BeamSensor, ...]:
-    """Return sensors that stand on a beam of a length [m] and have names of their own.
+    """Return sensors, checked to be on a beam of a length [m] and to have unique names.
 
     Raises
     ------
     TypeError, ValueError
-        If one is none, is beyond the free end, or has the name of another output.
+        If an entry is not a BeamSensor, is beyond the free end, or has the name of another output.
     """
     result: list[BeamSensor] = []
-    for i, given in enumerate(sensors):
-        sensor = instance(f"sensors[{i}]", given, BeamSensor)
+    for i, item in enumerate(sensors):
+        sensor = instance(f"sensors[{i}]", item, BeamSensor)
         if sensor.position > length:
             raise ValueError(
                 f"sensors[{i}]: position = {sensor.position!r}: expected a place on the beam, 0 to {length} m"
             )
-        if sensor.name in (*LOOP_OUTPUTS, *(item.name for item in result)):
+        if sensor.name in (*LOOP_OUTPUTS, *(other.name for other in result)):
             raise ValueError(f"sensors[{i}]: expected a name of its own, got {sensor.name!r}, which another output has")
         result.append(sensor)
     return tuple(result)

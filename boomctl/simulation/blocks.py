@@ -1,9 +1,8 @@
-"""The loop in blocks: while no limit is met it is linear, and many samples are one product.
+"""The loop in blocks: while no limit is active it is linear, and many samples are one matrix product.
 
-Each block is first taken as if no limit were met.  Only what could meet one is looked at; a block in which it does is
-stepped sample by sample from its beginning instead.  What happened within the other blocks is filled in at the end, for
-all of them together.  A loop whose end stops may never be reached is run without them first, its strokes looked at as
-finely as with them.
+Each block is first evaluated without limits.  Only the limited signals are checked; a block in which one reaches its limit
+is stepped sample by sample from its start instead.  The signals within the other blocks are computed at the end, for all
+blocks together.  A loop with end stops is run without them first, with its strokes checked at the steps that stops use.
 """
 
 from collections.abc import Callable
@@ -15,13 +14,13 @@ from boomctl.arrays import Array
 from boomctl.lti.hold import Lifted, recursion_without_lead
 from boomctl.simulation.stepping import ControlLog, LinearLoop, LoopProblem, limited, run_smooth
 
-_BLOCK = 32  # samples: measured on loops of 20 to 200 states; longer ones are broken by limits, shorter ones cost calls
-LONGEST_QUEUE = 16  # controls on their way to the plant: each is a state of every control
-_MOST_STATES = 400  # beyond, powers of the loop's matrix cost more than they save
+_BLOCK = 32  # Samples of a block: longer blocks are interrupted by limits, shorter ones cost calls.
+LONGEST_QUEUE = 16  # Samples of delay above which a loop is stepped: each is a state of every control.
+_MOST_STATES = 400  # States above which powers of the loop's matrix cost more than they save.
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
-    """Do what ``run_smooth`` does, in blocks where :func:`in_blocks`."""
+    """Run a loop without contacts, in blocks where :func:`in_blocks`; see ``run_smooth``."""
     return _run_blocks(p, log) if in_blocks(p) else run_smooth(p, log)
 
 
@@ -48,23 +47,23 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     for k, rows in stepped:
         result[:outputs, k : k + len(rows)] = p.plant.C @ rows.T
     samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.samples])
-    log.asked[samples] = log.given[samples] = result[outputs:, samples].T
+    log.commanded[samples] = log.applied[samples] = result[outputs:, samples].T
     return result[:outputs]
 
 
 def _one_more(W: Array) -> Array:
-    """Return signals with their last column twice: one step more, for the sample at the last time."""
+    """Return signals with the last column repeated: one further step, for the sample at the last time."""
     return np.hstack([W, W[:, -1:]])
 
 
 def _blocks(
     p: LoopProblem, log: ControlLog, loop: LinearLoop, lifted: Lifted, blocks: Array, last: Array
 ) -> tuple[Array, Array, list[tuple[int, Array]]]:
-    """Return the states (without lead) at the beginning of each block, which were clean, and the others' plant states."""
+    """Return states (without lead) at the start of each block, a mask of blocks without limits, other plant states."""
     n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
     bound = np.concatenate([p.limits.force, p.limits.rate])
     watched = outputs + np.flatnonzero(np.isfinite(bound))
-    seen = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
+    rows = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
     limit = np.repeat(bound[watched - outputs], lifted.size)
     chosen = Lifted(lifted.size, lifted.seen, lifted.power, lifted.reached, lifted.pulse[watched])
     alone = np.ascontiguousarray(chosen.forced(blocks).transpose(1, 0, 2).reshape(blocks.shape[1], -1))
@@ -77,28 +76,28 @@ def _blocks(
     for b in range(count):
         starts[b] = state
         k = b * lifted.size
-        if len(watched) and k < samples and (np.abs(seen @ state + alone[b]) > limit).any():
+        if len(watched) and k < samples and (np.abs(rows @ state + alone[b]) > limit).any():
             clean[b], end = False, min(k + lifted.size, samples)
-            rows = walk(k, end, state + lead[b])
-            stepped.append((k, rows[: end - k, :n]))
+            states = walk(k, end, state + lead[b])
+            stepped.append((k, states[: end - k, :n]))
             if b + 1 < count:
-                state = rows[-1] - lead[b + 1]
+                state = states[-1] - lead[b + 1]
         else:
             state = lifted.power @ state + pushed[b]
     return starts, clean, stepped
 
 
 def _walk(p: LoopProblem, loop: LinearLoop, log: ControlLog) -> Callable[[int, int, Array], Array]:
-    """Return what steps the loop sample by sample: one product a step, mended where a limit is met.
+    """Return a function that steps the loop sample by sample: one product a step, corrected if a limit is active.
 
-    From step ``begin`` to ``end`` and state ``z`` at its beginning it returns the states at each step, (steps + 1, states).
+    From step ``begin`` to ``end`` and the initial state ``z`` it returns the states at each step, (steps + 1, states).
     """
     outputs, nu, used = len(p.plant.C), len(p.controller.driven), p.disturbed
-    asks = slice(outputs, outputs + nu)
-    # what signals at the beginning and the end of a step add to what is asked and to the state at its end
-    first = np.vstack([loop.D[asks], loop.first])[:, used]
-    last = np.vstack([np.zeros_like(loop.D[asks]), loop.last])[:, used]
-    both, W = np.ascontiguousarray(np.vstack([loop.C[asks], loop.Phi])), _one_more(p.W[used])
+    commands = slice(outputs, outputs + nu)
+    # effect of signals at the start and the end of a step on the commands and on the state at its end
+    first = np.vstack([loop.D[commands], loop.first])[:, used]
+    last = np.vstack([np.zeros_like(loop.D[commands]), loop.last])[:, used]
+    both, W = np.ascontiguousarray(np.vstack([loop.C[commands], loop.Phi])), _one_more(p.W[used])
     force, rate = p.limits.force.tolist(), p.limits.rate.tolist()
 
     def through(begin: int, end: int, z: Array) -> Array:
@@ -106,30 +105,30 @@ def _walk(p: LoopProblem, loop: LinearLoop, log: ControlLog) -> Callable[[int, i
         forcing = here[:-1] @ first.T + here[1:] @ last.T
         rows = np.empty((len(here), nu + len(z)))
         rows[0, nu:] = z
-        allowed = z[loop.given].tolist()
+        allowed = z[loop.latest].tolist()
         for k, forced in enumerate(forcing):
             row = rows[k + 1]
             np.dot(both, rows[k, nu:], out=row)
             row += forced
-            asked = row[:nu].tolist()
-            log.asked[begin + k] = asked
-            if limited(asked, begin + k, force, rate, allowed, log):
-                row[nu:] += loop.mend @ np.subtract(allowed, asked)
-            log.given[begin + k] = allowed
+            commanded = row[:nu].tolist()
+            log.commanded[begin + k] = commanded
+            if limited(commanded, begin + k, force, rate, allowed, log):
+                row[nu:] += loop.excess @ np.subtract(allowed, commanded)
+            log.applied[begin + k] = allowed
         return rows[:, nu:]
 
     return through
 
 
-def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, ControlLog] | None:
-    """Return what ``run_fast`` does, ``None`` if a stop is reached.
+def run_without_contact(p: LoopProblem, fine: LoopProblem) -> tuple[Array, ControlLog] | None:
+    """Return the result of ``run_fast``, or ``None`` if a stop is reached.
 
     Parameters
     ----------
     p : LoopProblem
-        Without contacts.
+        Loop without contacts.
     fine : LoopProblem
-        The same with stops, and whole steps for each of its own.
+        The same loop with stops; a step of ``p`` is a whole number of its steps.
     """
     assert fine.contacts is not None
     stops, per_step, outputs = fine.contacts.stops, fine.grid.steps // p.grid.steps, len(p.plant.C)
@@ -137,9 +136,9 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
     maps = [p.plant.hold(j * fine.grid.h, [])[0] for j in range(per_step)]
     C = np.vstack([p.plant.C, *(positions @ Phi for Phi in maps)])
     D = np.vstack([p.plant.D, np.zeros((len(C) - outputs, p.plant.D.shape[1]))])
-    seen, log = replace(p, plant=replace(p.plant, C=C, D=D)), p.new_log()
+    extended, log = replace(p, plant=replace(p.plant, C=C, D=D)), p.new_log()
     with np.errstate(all="ignore"):
-        result = run_fast(seen, log)
+        result = run_fast(extended, log)
         strokes = result[outputs:].reshape(per_step, len(stops), -1)[:, :, :-1].copy()
         for j in range(1, per_step):
             strokes[j] += positions @ _pushed(p, fine, log, j)
@@ -152,7 +151,7 @@ def run_if_no_stop_is_met(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Con
 
 
 def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, j: int) -> Array:
-    """Return what disturbances and controls add to the states in the first ``j`` fine steps of each step, (n, steps)."""
+    """Return the effect of disturbances and controls on the states in ``j`` fine steps of each step, (n, steps)."""
     duration, driven, per_step = j * fine.grid.h, p.controller.driven, fine.grid.steps // p.grid.steps
     moving, used = p.plant.step(duration, p.switch), p.disturbed
     moved = moving.first[:, used] @ p.W[used, :-1] + moving.last[:, used] @ fine.W[used, j::per_step]

@@ -1,4 +1,4 @@
-"""A controller as it runs: discrete, its signals matched to the plant's, its state corrected where it saturates."""
+"""Controllers prepared for simulation: discretized, signals matched to the plant's, with anti-windup correction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -36,44 +36,44 @@ class Laws:
         ``[[D, C], [B, A]]`` of each.
     correction : (k, n, controls) ndarray
         ``L`` of each.
-    place : int or None
-        The measurement that they follow, in straight lines between ``values``; None: the i-th are those of sample i, and
-        the last stay.
+    index : int or None
+        Index of the scheduling measurement, with linear interpolation between ``values``; None: the i-th matrices apply at
+        sample i, and the last stay.
     values : (k,) ndarray
-        Of that measurement, ascending; empty where there is none.
+        Values of that measurement, ascending; empty if there is none.
     """
 
     law: Array
     correction: Array
-    place: int | None
+    index: int | None
     values: Array
 
     def at(self, sample: int, measured: Array) -> tuple[Array, Array]:
-        """Return the matrices at a sample, at which so much was measured (less no reference)."""
-        if self.place is None:
+        """Return the matrices at a sample with these measurements (references not subtracted)."""
+        if self.index is None:
             i = min(sample, len(self.law) - 1)
             return self.law[i], self.correction[i]
-        i = min(max(int(np.searchsorted(self.values, measured[self.place])) - 1, 0), len(self.values) - 2)
-        share = (measured[self.place] - self.values[i]) / (self.values[i + 1] - self.values[i])
-        t = min(max(float(share), 0.0), 1.0)
+        i = min(max(int(np.searchsorted(self.values, measured[self.index])) - 1, 0), len(self.values) - 2)
+        fraction = (measured[self.index] - self.values[i]) / (self.values[i + 1] - self.values[i])
+        t = min(max(float(fraction), 0.0), 1.0)
         both = ((1.0 - t) * item[i] + t * item[i + 1] for item in (self.law, self.correction))
         return next(both), next(both)
 
 
 @dataclass(frozen=True)
 class SampledController:
-    """``x+ = A x + B y + L (applied - asked)``, ``asked = C x + D y``.
+    """Discrete controller ``x+ = A x + B y + L (applied - commanded)``, ``commanded = C x + D y``.
 
     Attributes
     ----------
     A, B, C, D, L : ndarray
         ``L`` is zero without anti-windup.
     measured, driven : ndarray of int
-        Which outputs of the plant it reads, which inputs it drives.
+        Indices of the plant's outputs that it reads, and of the inputs that it drives.
     inputs, outputs : tuple of str
         Their names.
     laws : Laws or None
-        Where the matrices change; the others are then the first of them.
+        Matrices that change; ``A`` to ``L`` are then the first ones.
     """
 
     A: Array
@@ -91,7 +91,7 @@ class SampledController:
     def of(
         cls, K: Lti, L: Array, driven: Sequence[int], measured: Sequence[int], laws: Laws | None = None
     ) -> "SampledController":
-        """Return a discrete system as it runs, or the first of those that it is in turn."""
+        """Return the controller of a discrete system, or of the first system if its matrices change."""
         read, moved = (np.array(item, dtype=int) for item in (measured, driven))
         return cls(K.A, K.B, K.C, K.D, L, read, moved, K.input_labels, K.output_labels, laws)
 
@@ -102,15 +102,15 @@ def sampled_controller(
     sample_time: float,
     discretization: str = "tustin",
 ) -> SampledController:
-    """Return a controller ready to be stepped; ``None`` drives nothing.
+    """Return a discrete controller with signals matched to the plant's; ``None`` drives nothing.
 
-    Where it saturates its state is not corrected yet, but that of a time-varying one, which has gains of its own.
+    It has no anti-windup correction yet, except a time-varying controller, which has its gains.
 
     Raises
     ------
     TypeError, ValueError
-        Not a state-space system, signals that the plant does not have, a sampling time of its own that is another, or
-        poles beyond half the sampling rate.
+        If the controller is not a state-space system, its signals do not match the plant's, its sampling time is not
+        ``sample_time``, or its poles are beyond half the sampling rate.
     """
     if controller is None:
         none = np.zeros((0, 0))
@@ -121,11 +121,11 @@ def sampled_controller(
     states, scales = (plant.state_labels, plant.scales) if isinstance(plant, ModalPlant) else ((), None)
     scheduled = controller if isinstance(controller, ScheduledController) else None
     if scheduled is None:
-        given = (controller_of(controller, "StateSpace, ScheduledController or None", any_time=True, scales=scales),)
+        systems = (controller_of(controller, "StateSpace, ScheduledController or None", any_time=True, scales=scales),)
     else:
-        given = scheduled.systems
-    driven, measured = signals_of(given[0], plant.input_labels, plant.output_labels, states, scales)
-    result = [_discrete(item, sample_time, discretization) for item in given]
+        systems = scheduled.systems
+    driven, measured = signals_of(systems[0], plant.input_labels, plant.output_labels, states, scales)
+    result = [_discrete(item, sample_time, discretization) for item in systems]
     none = np.zeros((len(result), len(result[0].A), len(result[0].C)))
     laws = None
     if scheduled is not None:
@@ -135,7 +135,7 @@ def sampled_controller(
 
 
 def corrected(K: SampledController, force: Array, rate: Array, anti_windup: bool) -> SampledController:
-    """Return a controller whose state is corrected where its controls meet limits of force and rate; ``inf`` for none."""
+    """Return a controller with anti-windup correction for limits of force and rate; ``inf`` for none."""
     u, p, result = len(K.C), len(K.measured), K.laws
     matrices = (
         [(K.A, K.B, K.C, K.D)] if result is None else [(X[u:, p:], X[u:, :p], X[:u, p:], X[:u, :p]) for X in result.law]
@@ -143,7 +143,7 @@ def corrected(K: SampledController, force: Array, rate: Array, anti_windup: bool
     laws = [Lti(*item, K.inputs, K.outputs) for item in matrices]
     if not anti_windup or not len(K.A):
         L = np.zeros((len(laws), *K.L.shape))
-    elif result is not None and result.place is None:
+    elif result is not None and result.index is None:
         L = bounded_correction(laws[-1], result.correction, force, rate)
     else:
         L = correction(laws, force, rate)

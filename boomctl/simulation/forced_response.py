@@ -1,7 +1,7 @@
-"""Response of a linear plant to given signals: exact for signals that are linear between samples.
+"""Response of a linear plant to input signals, exact for signals that are linear between samples.
 
-A structure is projected onto as many modes and static responses as an accuracy needs.  The error is estimated from two
-projections, of which one has fewer of both, or from the rounding of two computations over all modes.
+A structure is projected onto as many modes and static responses as the tolerance requires.  The error is estimated from two
+projections, one with fewer modes and responses, or from the rounding errors of two computations over all modes.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_FIRST_MODES, _FIRST_ORDER = 13, 3  # of the first projection: undamped modes, and order of its static responses
-_COMPLETE = 40  # number of coordinates up to which all modes are used: a projection would have as many
-_FEWER_MODES = 11  # number of undamped modes of the projection with which it is compared
-_GROWTH = 1.6  # ratio of the numbers of modes of successive projections
-_MARGIN = 3.0  # ratio of an error estimate to the difference of responses of two projections
-_STORED = 1e-11  # relative error of a structure's response by rounding of its stored rows
-_UNITS = 100.0  # ratio of an error estimate to the change of a response by one unit of rounding of each entry
-_ROUNDING = 30.0  # ratio of an error estimate to the difference of two responses by rounding
+_FIRST_MODES, _FIRST_ORDER = 13, 3  # First projection: number of undamped modes, order of the static responses.
+_COMPLETE = 40  # Coordinates up to which all modes are used: a projection would have as many.
+_FEWER_MODES = 11  # Undamped modes of the projection with which the first one is compared.
+_GROWTH = 1.6  # Ratio of the numbers of modes of successive projections.
+_MARGIN = 3.0  # Ratio of an error estimate to the difference of the responses of two projections.
+_STORED = 1e-11  # Relative error of a structure's response by rounding of its stored rows.
+_UNITS = 100.0  # Ratio of an error estimate to the change of a response by one unit of rounding of each entry.
+_ROUNDING = 30.0  # Ratio of an error estimate to the difference of two responses by rounding.
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ class ForcedResponse(TimeSeries):
     outputs : dict from name to (n,) ndarray
         Values of each output at these times.
     inputs : dict from name to (n,) ndarray
-        Values of the signals given.
+        Values of the input signals.
     error_estimate : float
         Estimated error by truncated modes of a structure and by rounding, relative to the largest value of each output:
         the largest of all outputs.
     modes : int
         Number of modes and static responses used; for a state-space system, of states.
     units : dict from name to str
-        Units of the signals of a structure; empty of a ``StateSpace``, which does not say them.
+        Units of the signals of a structure; empty for a ``StateSpace``, which has no units.
     """
 
     time: Array
@@ -82,17 +82,16 @@ class ForcedResponse(TimeSeries):
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: inputs and outputs, one axes for each unit, which its label says where it is known; by default a
-            new figure of pyplot.
+            Axes for inputs and outputs, one axes for each unit; by default a new figure of pyplot.
         outputs : str or sequence of str, optional
-            By default the first six.
+            Outputs to draw; by default the first six.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties of matplotlib; a ``label`` is prefixed to the curves' names.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            Axes drawn on, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.loop").plot_forced_response(self, ax, outputs=outputs, **style)
 
@@ -103,7 +102,7 @@ class ForcedResponse(TimeSeries):
         return self.inputs
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the values that a comparison shows."""
         sizes = {f"{name}: rms": float(np.sqrt(np.mean(values**2))) for name, values in self.outputs.items()}
         return sizes | {f"{name}: peak": float(np.abs(values).max()) for name, values in self.outputs.items()}
 
@@ -116,9 +115,9 @@ def forced_response(
     outputs: str | Sequence[str] | None = None,
     rtol: float = 1e-6,
 ) -> ForcedResponse:
-    """Return the response of a plant at rest to given signals.
+    """Return the response of a plant, initially at rest, to input signals.
 
-    Between the instants given the signals run along straight lines.
+    The signals are interpolated linearly between ``timepts``.
 
     Parameters
     ----------
@@ -129,7 +128,7 @@ def forced_response(
     inputs : mapping from input to (n,) array
         Values at ``timepts``; inputs not named stay at zero.
     outputs : str or sequence of str, optional
-        Outputs that are read; by default all.
+        Outputs to compute; by default all.
     rtol : float
         Largest error of a structure's response by truncated modes, relative to the largest value of each output.
         Rounding may exceed it; ``error_estimate`` includes both.
@@ -142,7 +141,8 @@ def forced_response(
     Raises
     ------
     TypeError, ValueError
-        Another kind of plant, unknown signals, shapes, gaps, times not even.
+        If the plant has the wrong type, a signal is unknown, a shape is wrong, a value is not finite, or times are not
+        equally spaced.
 
     Examples
     --------
@@ -162,16 +162,16 @@ def forced_response(
         system = of(plant, "plant")
         rows = disturbance_rows(inputs, system.input_labels, (), len(time))
         read = names("output", outputs, system.output_labels)
-        places = [system.output_labels.index(name) for name in read]
+        indices = [system.output_labels.index(name) for name in read]
         y, nearby = (
-            lifted_motion(modal.step(h).of_signals, modal.C, modal.D, rows)[0][places]
+            lifted_motion(modal.step(h).of_signals, modal.C, modal.D, rows)[0][indices]
             for modal in map(ModalPlant.of, (system, _rounded(system)))
         )
         if not np.isfinite(y).all():
             raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
         size, change = np.abs(y).max(axis=1), np.abs(y - nearby).max(axis=1)
         estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0), initial=0.0) + SOLVED)
-        return ForcedResponse(time, dict(zip(read, y, strict=True)), _given(inputs), estimate, len(system.A))
+        return ForcedResponse(time, dict(zip(read, y, strict=True)), _as_arrays(inputs), estimate, len(system.A))
     for name in inputs:
         known("signal", name, plant.input_labels)
     read = names("output", outputs, plant.output_labels)
@@ -184,11 +184,11 @@ def forced_response(
         modes += used
     sizes = _sizes(total, sizes)
     estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
-    return ForcedResponse(time, dict(zip(read, total, strict=True)), _given(inputs), estimate, modes, plant.units)
+    return ForcedResponse(time, dict(zip(read, total, strict=True)), _as_arrays(inputs), estimate, modes, plant.units)
 
 
 def _rounded(system: Lti) -> Lti:
-    """Return a system of which each entry is changed by one unit of rounding, up or down."""
+    """Return a system with each entry perturbed by one unit of rounding, up or down."""
     signs = np.random.default_rng(0)
     A, B, C, D = (
         X * (1.0 + EPS * signs.choice([-1.0, 1.0], X.shape)) for X in (system.A, system.B, system.C, system.D)
@@ -196,14 +196,14 @@ def _rounded(system: Lti) -> Lti:
     return replace(system, A=A, B=B, C=C, D=D)
 
 
-def _given(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:
+def _as_arrays(signals: Mapping[str, ArrayLike]) -> dict[str, Array]:
     return {name: np.asarray(values, dtype=float) for name, values in signals.items()}
 
 
 def _parts(
     model: SecondOrderModel, signals: Mapping[str, ArrayLike], outputs: tuple[str, ...], n: int
 ) -> list[tuple[SecondOrderModel, Array, Array]]:
-    """Return the symmetric halves of a model (or the model), their signals, and how their outputs make up the wanted."""
+    """Return the subsystems of a symmetric model (or the model), their signals, and the map to the requested outputs."""
     inputs = tuple(signals)
     mirror = model.structure.mirror
     if mirror is not None:
@@ -211,9 +211,9 @@ def _parts(
         chosen = model.select(ins, outs)
         parts, rows = halves(chosen.structure, chosen.ports), disturbance_rows(signals, ins, (), n)
         if parts is not None:
-            place = [outs.index(name) for name in outputs]
+            indices = [outs.index(name) for name in outputs]
             return [
-                (SecondOrderModel.of(part, ports), W_in.T @ rows, W_out[place]) for part, ports, W_in, W_out in parts
+                (SecondOrderModel.of(part, ports), W_in.T @ rows, W_out[indices]) for part, ports, W_in, W_out in parts
             ]
     return [(model.select(inputs, outputs), disturbance_rows(signals, inputs, (), n), np.eye(len(outputs)))]
 
@@ -221,7 +221,7 @@ def _parts(
 def _structure_response(
     model: SecondOrderModel, U: Array, h: float, accuracy: float
 ) -> tuple[Array, Array, Array, int]:
-    """Return outputs, the estimated error of each (outputs,), a bound of its size, and the number of modes."""
+    """Return outputs, the estimated error of each (outputs,), a bound of its magnitude, and the number of modes."""
     outputs = len(model.output_labels)
     before, last, size = None, np.full(outputs, np.inf), np.zeros(outputs)
     if not U.any():
@@ -231,7 +231,7 @@ def _structure_response(
         frequencies, V = basis(model, min(modes, model.ncoordinates), order)
         y, size = _projected_response(model, frequencies, V, U, h)
         whole = len(frequencies) == model.ncoordinates
-        if whole:  # modes of another norm for other rounding
+        if whole:  # scaled modes, for different rounding errors
             before, _ = _projected_response(model, frequencies, 1.4 * V, U, h)
         elif before is None:
             fewer = sub_basis(model, frequencies, V, _FEWER_MODES, order - 1)
@@ -248,7 +248,7 @@ def _structure_response(
 def _projected_response(
     model: SecondOrderModel, frequencies: Array, V: Array, U: Array, h: float
 ) -> tuple[Array, Array]:
-    """Return the outputs of a structure projected onto ``V``, and a bound of the size of each."""
+    """Return the outputs of a structure projected onto ``V``, and a bound of the magnitude of each."""
     plant = ModalPlant.of(in_modes(model.structure, model.ports, frequencies, V))
     y, states = lifted_motion(plant.step(h).of_signals, plant.C, plant.D, U)
     reach = np.linalg.norm(states, axis=1).max()
@@ -256,6 +256,6 @@ def _projected_response(
 
 
 def _sizes(y: Array, bound: Array) -> Array:
-    """Return the largest value of each output; of one at rest but for rounding, its bound."""
+    """Return the largest value of each output, or its bound if the output is a rounding error."""
     size = np.abs(y).max(axis=1)
     return np.where(size > SUMMED * bound, size, bound)

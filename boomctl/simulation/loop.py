@@ -1,16 +1,16 @@
 """The sampled-data closed loop: exact plant, discrete controller, delay, limits, stops, friction.
 
-There are four ways to run a loop around a linear plant, tried in this order, and one around a hub-beam; the result's
-``method`` names the one that was taken:
+A loop around a linear plant is run by the first applicable of four methods, a loop around a hub-beam by a fifth; the result's
+``method`` names the method:
 
 =====================  ==============================================================================================
 "blocks"               no contact, sampled at every step, no quantized sensors, nothing added to signals: linear
                        between its limits, so that 32 samples are one product
-"steps"                no contact, but none of that: step by step
-"stops not reached"    end stops and no friction: run as if there were none, in one of the ways above; kept if no stroke
+"steps"                no contact, otherwise: step by step
+"stops not reached"    end stops and no friction: run without stops by one of the methods above; accepted if no stroke
                        passes its stop at any of the finer steps that stops need
-"contacts"             step by step, stops and friction solved for in each
-"exponential steps"    a hub-beam: its nonlinear equations in steps that are halved until the wanted error is met
+"contacts"             step by step, with stops and friction solved in each step
+"exponential steps"    a hub-beam: its nonlinear equations in steps that are halved until the tolerance is reached
 =====================  ==============================================================================================
 """
 
@@ -29,8 +29,8 @@ from boomctl.checks import exactly, finite_array, instance, nonnegative, positiv
 from boomctl.lti.machine_modes import MachineModes
 from boomctl.lti.modal import sides
 from boomctl.progress import computing
-from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, run_fast, run_if_no_stop_is_met
-from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, stop_places
+from boomctl.simulation.blocks import LONGEST_QUEUE, in_blocks, run_fast, run_without_contact
+from boomctl.simulation.contact.contacts import StrokeLimit, contacts_of, parse_stops
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.contact.stepping import ContactLog, run_contact
 from boomctl.simulation.contact.stops import merged_hits
@@ -49,11 +49,9 @@ if TYPE_CHECKING:
     from boomctl.simulation.controller import Controller
     from boomctl.simulation.machine.run import MachineLoop
 
-# steps from one point of the grid to the next where there are stops: strokes between points are seen
-_STOP_SUBSTEPS = 4
-_CAUTION = (
-    3.0  # times the error that another number of substeps tells: it varies with where in a step a slip ends (measured)
-)
+_STOP_SUBSTEPS = 4  # Fewest steps between two requested times with stops: strokes between the times are checked.
+# Factor on the error estimated from another number of substeps; the error varies with where in a step a slip ends.
+_CAUTION = 3.0
 
 
 @one_blas_thread
@@ -83,73 +81,74 @@ def simulate_loop(
 ) -> LoopResult:
     """Simulate a plant under a sampled controller.
 
-    Between samples a linear plant moves exactly, and a hub-beam by its nonlinear equations, to a stated error: controls
-    are held, disturbances run along straight lines from one time to the next.  At a sample the controller reads the plant
-    (just before its control changes), asks for a control, and is given what limits allow: first the force, then the rate;
-    that acts ``delay`` later.
+    Between samples a linear plant is integrated exactly, and the nonlinear equations of a hub-beam to a tolerance: controls
+    are held, disturbances are interpolated linearly between times.  At a sample the controller reads the plant (just before
+    its control changes) and commands a control.  The limits, first of force, then of rate, reduce it to the applied control,
+    which acts ``delay`` later.
 
     Parameters
     ----------
     plant : control.StateSpace, control.TransferFunction, SecondOrderModel or AssumedModesBeam
-        Continuous time, signals named.  :func:`boomctl.with_state_outputs` makes outputs of a linear plant's states.  A model
-        of more than 60 coordinates is projected onto its lowest 60 modes and static responses of the others.  A hub-beam has
-        the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed beam,
-        turning with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
-        ``tip_acceleration`` (absolute, across the undeformed beam), those of its ``sensors``, and those of its states that
-        the controller reads by their names, as one of :func:`boomctl.lqr` does.
+        Continuous time, with named signals.  :func:`boomctl.with_state_outputs` adds a linear plant's states to its outputs.
+        A model of more than 60 coordinates is projected onto its lowest 60 modes and the static responses of the others.  A
+        hub-beam has the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed
+        beam, rotating with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
+        ``tip_acceleration`` (absolute, across the undeformed beam), its ``sensors``, and the states that the controller
+        reads by name, as a controller of :func:`boomctl.lqr` does.
     controller : control.StateSpace, TransferFunction, a design, ScheduledController, TimeVaryingController or None
-        ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete one
-        has ``sample_time`` as its own; a continuous one is discretised.  Of a scheduled one (:func:`boomctl.gain_schedule`)
-        each controller is discretised, and the matrices follow the measurement as it is read, no reference taken from it.
-        A :class:`boomctl.simulation.TimeVaryingController` has matrices for each sample.  ``None``: open loop.
+        ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete controller
+        must have the time step ``sample_time``; a continuous controller is discretized.  A scheduled controller
+        (:func:`boomctl.gain_schedule`) is discretized at each value, and its matrices follow the measurement, without
+        subtraction of a reference.  A :class:`boomctl.simulation.TimeVaryingController` has matrices for each sample.
+        ``None``: open loop.
     timepts : (n,) array_like
-        Times in equal steps [s]; the step and ``sample_time`` are a whole multiple of each other, either way.
+        Times in equal steps [s]; the step must be a whole multiple of ``sample_time``, or vice versa.
     disturbances : mapping from input to (n,) array, (k, n) array or None
-        At ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
+        Values at ``timepts``.  An array has one row for each input of the plant that the controller does not drive.
     sample_time : float
         Time between samples of the controller [s].
     delay : float
-        Between a sample and the moment its control acts [s]; any, fractions of a sample included.
+        Time from a sample until its control acts [s]; need not be a multiple of the sample time.
     control_limit, rate_limit : float or mapping from control to float, optional
-        Largest control, and largest change of it per second.
+        Largest control, and its largest change per second.
     end_stop : float or mapping, optional
         Hard, inelastic end stops: a number for the outputs ``stroke_*``, which act through the inputs ``suspension_*``
         of the same suffix, or a mapping from output to a number or to ``(number, input)``.
     quantization : float or mapping from measurement to float, optional
-        Steps of the measurements.
+        Resolution of the measurements.
     anti_windup : bool
-        Correct the controller's state by what it was given less what it asked for, so that it stays bounded where one of
-        its controls meets its limit, and where all do: that is proved.  Where it is not, a warning says that nothing is
-        corrected.
+        Correct the controller's state by the applied less the commanded control, so that it is proved bounded with each
+        control at its limit alone and with all of them.  If there is no proof, the state is not corrected, with a warning.
     friction : CoulombFriction, optional
         Dry friction in the plant.
     method : "tustin" or "zoh"
-        Of a continuous controller.
+        Discretization of a continuous controller.
     initial_state : (states,) array_like, optional
-        States at the first time of a ``StateSpace`` or a hub-beam; by default at rest.
+        States of a ``StateSpace`` or a hub-beam at the first time; by default zero.
     noise : float or mapping from measurement to float, optional
-        Standard deviation of what is added to each measurement at each sample: normal, independent, before rounding.
+        Standard deviation of the noise added to each measurement at each sample: normal, independent, before quantization.
     seed : int
-        Of the noise; the same one gives the same noise.
+        Seed of the noise.
     reference : mapping from measurement to (n,) array, optional
-        At ``timepts``; the controller reads the measurement less its reference.
+        Values at ``timepts``; the controller reads the measurement less its reference.
     feedforward : mapping from control to (n,) array, optional
-        At ``timepts``; added to what the controller asks for, before its limits.
+        Values at ``timepts``; added to the controller's commands, before the limits.
     sensors : sequence of BeamSensor
         Further outputs of a hub-beam.
     rtol, atol : float
-        The error of a hub-beam's tip displacement is kept below ``atol + rtol max |displacement|`` [m]; that of the hub
-        angle times the radius of the free end likewise.  Linear plants are exact.
+        Limit ``atol + rtol max |displacement|`` [m] on the error of a hub-beam's tip displacement, and on the error of the
+        hub angle times the radius of the free end.  Linear plants are exact.
 
     Returns
     -------
     LoopResult
-        Outputs, controls and disturbances over time by name, and when limits and stops were met.
+        Outputs, controls and disturbances over time by name, and the activity of limits and stops.
 
     Raises
     ------
     TypeError, ValueError
-        Wrong shapes, unknown signals, gaps, times not even, a sampling rate too low for the controller's poles.
+        If a shape is wrong, a signal is unknown, a value is not finite, times are not equally spaced, or the sampling rate is
+        too low for the controller's poles.
 
     Warns
     -----
@@ -158,7 +157,7 @@ def simulate_loop(
 
     Examples
     --------
-    A hub brought to rest at 0.5 rad, with 0.1 kg at the tip of which its controller does not know:
+    A hub that stops at 0.5 rad, with a tip mass of 0.1 kg for which its controller was not designed:
 
     >>> import boomctl as bc
     >>> import control
@@ -183,12 +182,12 @@ def simulate_loop(
                 raise ValueError(f"{name}: expected None for a hub-beam, which has no contacts")
         modal = plant._forced_modes(sequence("sensors", sensors, "BeamSensor"))
         modal = reading_states(modal, getattr(controller, "input_labels", ()))
-        places = []
+        stops = []
     else:
         if sequence("sensors", sensors, "BeamSensor"):
             raise ValueError("sensors: expected none for a linear plant, which has outputs of its own")
         modal = modal_plant(plant)
-        places = stop_places(end_stop, modal)
+        stops = parse_stops(end_stop, modal)
     grid = time_grid(timepts, sample_time)
     K = sampled_controller(controller, modal, float(sample_time), method)
     rows = disturbance_rows(disturbances, modal.input_labels, K.outputs, len(grid.time))
@@ -219,23 +218,23 @@ def simulate_loop(
         with computing("closed loop"):
             return _machine_result(loop, *tolerance)
     start = _start(initial_state, modal.from_state)
-    _check_strokes(places, modal.C @ start + modal.D @ rows[:, 0], modal.output_labels)
+    _check_strokes(stops, modal.C @ start + modal.D @ rows[:, 0], modal.output_labels)
 
     def problem(finer: int, touching: bool = True) -> LoopProblem:
-        """Return the loop in steps so much finer."""
+        """Return the loop in steps finer by a factor."""
         steps = grid if finer == 1 else time_grid(timepts, sample_time, finer)
         maps = modal.step(steps.h, whole_steps(late, steps.h)[1])
-        contacts = contacts_of(modal, maps, friction, places, K.outputs) if touching else None
+        contacts = contacts_of(modal, maps, friction, stops, K.outputs) if touching else None
         return LoopProblem(
             plant=modal, maps=maps, contacts=contacts, controller=K, grid=steps, W=steps.refined(rows), delay=late,
             limits=limits, start=start, added=added,
         )  # fmt: skip
 
-    substeps = _substeps(friction, bool(places))
+    substeps = _substeps(friction, bool(stops))
     p = problem(substeps)
-    if places and friction is None:
+    if stops and friction is None:
         whole = problem(1, touching=False)
-        free = run_if_no_stop_is_met(whole, p)
+        free = run_without_contact(whole, p)
         if free is not None:
             moving, log = free
             return _result(whole, log, moving[:, :: whole.grid.per_point], None, "stops not reached")
@@ -251,8 +250,8 @@ def simulate_loop(
     return _result(p, log, run_fast(p, log)[:, :: p.grid.per_point], None, method)
 
 
-def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:
-    for output, _, limit in places:
+def _check_strokes(stops: list[tuple[str, str, float]], outputs: Array, names: tuple[str, ...]) -> None:
+    for output, _, limit in stops:
         value = float(outputs[names.index(output)])
         if abs(value) > limit:
             raise ValueError(
@@ -261,38 +260,40 @@ def _check_strokes(places: list[tuple[str, str, float]], outputs: Array, names: 
 
 
 def _substeps(friction: CoulombFriction | None, stops: bool) -> int:
-    """Return how many steps to take from one point of the grid to the next."""
+    """Return the number of steps between two requested times."""
     wanted = 1 if friction is None else friction.substeps
     return max(wanted, _STOP_SUBSTEPS) if stops else wanted
 
 
 def _friction_error(problem: Callable[[int], LoopProblem], substeps: int, slip: str, moving: Array) -> float:
-    """Return the estimated error of a slip [m], from runs with fewer substeps, or with two where there is one."""
+    """Return the estimated error of a slip [m], from runs with fewer substeps, or with two instead of one."""
     error = 0.0
     for number in {substeps // 2, 1} if substeps > 1 else {2}:
         try:
             other = problem(number)
-        except ValueError:  # too few for what moves there
+        except ValueError:  # steps too long for the motion at the contact
             number = 2 * substeps
             other = problem(number)
         assert other.contacts is not None
-        apart = (run_contact(other, other.new_log(), other.contacts)[0] - moving)[other.plant.output_labels.index(slip)]
-        share = 1.0 / abs((substeps / number) ** 2 - 1.0)  # of it that is this run's, if both fall by the second order
-        error = max(error, _CAUTION * share * float(np.abs(apart).max()))
+        change = (run_contact(other, other.new_log(), other.contacts)[0] - moving)[
+            other.plant.output_labels.index(slip)
+        ]
+        fraction = 1.0 / abs((substeps / number) ** 2 - 1.0)  # of the change, if errors are of second order
+        error = max(error, _CAUTION * fraction * float(np.abs(change).max()))
     return error
 
 
 def _start(initial: ArrayLike | None, from_state: Array) -> Array:
     if initial is None:
         return np.zeros(len(from_state))
-    given, n = finite_array("initial_state", initial, ndim=1), from_state.shape[1]
-    if given.shape != (n,):
-        raise ValueError(f"initial_state has shape {given.shape}; expected {(n,)}, one a state")
-    return from_state @ given
+    state, n = finite_array("initial_state", initial, ndim=1), from_state.shape[1]
+    if state.shape != (n,):
+        raise ValueError(f"initial_state has shape {state.shape}; expected {(n,)}, one a state")
+    return from_state @ state
 
 
 def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog | None, method: str) -> LoopResult:
-    """Return signals by name; ``moving`` is what the outputs read of the states at the given times."""
+    """Return signals by name; ``moving`` is the outputs' dependence on the states, at the requested times."""
     plant, grid, controls = p.plant, p.grid, p.at_points(log)
     outputs = moving + plant.D @ p.W[:, :: grid.per_point] + plant.D[:, p.controller.driven] @ controls[0]
     sampled = _from_sample_to_sample(p)
@@ -315,7 +316,7 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
     names = [] if p.contacts is None else [stop.output for stop in p.contacts.stops]
     touched = [] if contacts is None else contacts.touched
     return replace(
-        _told(p, plant, log, outputs, controls),
+        _loop_result(p, plant, log, outputs, controls),
         stop_contacts=merged_hits(names, grid.h, float(grid.time[0]), touched),
         friction=friction,
         method=method,
@@ -323,17 +324,17 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
     )
 
 
-def _told(
+def _loop_result(
     p: SampledRun, plant: ModalPlant | MachineModes, log: ControlLog, outputs: Array, controls: tuple[Array, Array]
 ) -> LoopResult:
-    """Return signals of any run by name: outputs, and the controls that act and those asked for, at the given times."""
+    """Return signals of any run by name: outputs, applied controls and commands at the requested times."""
     K, rows = p.controller, p.W[:, :: p.grid.per_point]
-    applied, asked = (dict(zip(K.outputs, item, strict=True)) for item in controls)
+    applied, commanded = (dict(zip(K.outputs, item, strict=True)) for item in controls)
     return LoopResult(
         time=p.grid.time,
         outputs=dict(zip(plant.output_labels, outputs, strict=True)),
         controls=applied,
-        commanded=asked,
+        commanded=commanded,
         disturbances={name: row for name, row in zip(plant.input_labels, rows, strict=True) if row.any()},
         saturation_fraction=dict(zip(K.outputs, log.saturated.mean(axis=0).tolist(), strict=True)),
         rate_limit_fraction=dict(zip(K.outputs, log.slewed.mean(axis=0).tolist(), strict=True)),
@@ -346,7 +347,7 @@ def _told(
 
 
 def _from_sample_to_sample(p: LoopProblem) -> Array | None:
-    """Return the loop's matrix from one sample to the next while no limit is met; None where there is no such one."""
+    """Return the loop's matrix from one sample to the next without limits; None if it changes or the delay is long."""
     dt = p.grid.per_sample * p.grid.h
     late = whole_steps(p.delay, dt)
     if p.controller.laws is not None or late[0] >= LONGEST_QUEUE:
@@ -372,7 +373,7 @@ def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     moving, log, error = run_to_tolerance(p, rtol, atol)
     states, controls = moving[:, :: p.grid.per_point], p.at_points(log)
     return replace(
-        _told(p, p.machine, log, measured(p, states, controls[0]), controls),
+        _loop_result(p, p.machine, log, measured(p, states, controls[0]), controls),
         method=PATH,
         error_estimate=error,
         states=(p.machine.to_state @ states).T,

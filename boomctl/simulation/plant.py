@@ -21,14 +21,14 @@ from boomctl.structure.response.poles import damper_forces, with_statics
 if TYPE_CHECKING:
     import control
 
-_MODES = 60  # largest number of undamped modes of a structure: five times those in the band of a suspension
+_MODES = 60  # Most undamped modes of a structure: five times the number in the band of a suspension.
 
 
 @dataclass(frozen=True)
 class Step:
     """Exact motion over one step: ``x+ = Phi x + before u_old + after u_new + first d + last d+``.
 
-    ``u`` is held and changes once within the step; ``d`` runs along a straight line from ``d`` to ``d+``.
+    ``u`` is held and changes once within the step; ``d`` is interpolated linearly from ``d`` to ``d+``.
     """
 
     h: float
@@ -45,7 +45,7 @@ class Step:
 
     @property
     def held(self) -> Array:
-        """What an input held over the whole step adds."""
+        """Effect on the states of an input held over the full step."""
         return self.before + self.after
 
 
@@ -54,7 +54,7 @@ class ModalPlant(Lti):
     """Linear plant and its exact motion over a step, in coordinates ``z = from_state x`` of its states.
 
     ``state_labels`` are the names of the states before a structure is projected onto its modes, for messages about a
-    loop that reads one of them.  ``units`` are those of the signals that have known units.
+    loop that reads one of them.  ``units`` are the known units of the signals.
     """
 
     from_state: Array = field(kw_only=True)
@@ -89,7 +89,7 @@ def modal_plant(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system, discrete time, numbers that are not finite, a name given twice.
+        If the system has the wrong type, is in discrete time, is not finite, or a name is used twice.
     """
     if isinstance(system, SecondOrderModel):
         structure, ports = system.structure, system.ports
@@ -106,8 +106,7 @@ def modal_plant(
 def basis(model: SecondOrderModel, modes: int, order: int = 1) -> tuple[Array, Array]:
     """Return frequencies and shapes onto which a structure is projected: modes :func:`with_statics`, the highest first.
 
-    Eigenvalue solvers keep the digits of what is last in a graded matrix.  The coordinates of matrices without real modes
-    stay as they are.
+    Eigenvalue solvers are accurate for the last entries of a graded matrix.  Matrices without real modes are not projected.
     """
     try:
         frequencies, V = undamped_modes(model.structure, modes)
@@ -118,9 +117,9 @@ def basis(model: SecondOrderModel, modes: int, order: int = 1) -> tuple[Array, A
 
 
 def sub_basis(model: SecondOrderModel, frequencies: Array, V: Array, modes: int, order: int = 1) -> tuple[Array, Array]:
-    """Return frequencies and shapes of a smaller projection within that onto ``V`` (of :func:`basis`), likewise made.
+    """Return frequencies and shapes of a smaller projection within the one onto ``V``; see :func:`basis`.
 
-    Over ``V``, mass is one and stiffness is diagonal.  Where static responses leave nothing out, none are taken.
+    Over ``V``, mass is one and stiffness is diagonal.  Static responses that span all other modes are omitted.
     """
     higher, squares = slice(0, -modes), frequencies[:-modes, None] ** 2
     statics, loads = [], V[:, higher].T @ _loads(model, V[:, -modes:])

@@ -1,4 +1,4 @@
-"""What a simulated loop returns."""
+"""Results of a simulated loop."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,16 +16,16 @@ from boomctl.simulation.contact.stops import StopContact
 
 @dataclass(frozen=True)
 class FrictionResult:
-    """What friction did.
+    """Friction in a simulated loop.
 
     Attributes
     ----------
     force : (n,) ndarray
-        Mean friction force between each time and the one before [N]; 0 at the first.
+        Mean friction force between each time and the previous one [N]; 0 at the first time.
     stick_fraction : float
-        Share of the time spent at rest.
+        Fraction of the time spent sticking.
     dissipated_energy : float
-        Energy that friction took [J].
+        Energy dissipated by friction [J].
     force_input, slip_output : str
         Names of the force input through which friction acts, and of the slip.
     """
@@ -43,7 +43,7 @@ class FrictionResult:
 
 @dataclass(frozen=True)
 class LoopResult(TimeSeries):
-    """A closed loop in time.
+    """Time response of a closed loop.
 
     Attributes
     ----------
@@ -52,31 +52,31 @@ class LoopResult(TimeSeries):
     outputs : dict from name to (n,) ndarray
         Outputs of the plant.
     controls : dict from name to (n,) ndarray
-        Controls that act on the plant just after each time, the last included; limits and delay too.
+        Controls that act on the plant just after each time, including the last; after limits and delay.
     commanded : dict from name to (n,) ndarray
-        What the controller asked for at its last sample.
+        Commands of the controller at its latest sample, before the limits.
     disturbances : dict from name to (n,) ndarray
-        What disturbed the plant; inputs left alone are not listed.
+        Disturbances of the plant; inputs without disturbance are not listed.
     saturation_fraction, rate_limit_fraction : dict from name to float
-        Share of the samples at which a control met its limit, and its largest rate of change.
+        Fraction of the samples at which a control is at its limit, and at its rate limit.
     stop_contacts : tuple of StopContact
-        End stops touched, in order.
+        Contacts with end stops, in order.
     friction : FrictionResult or None
-        What friction did; None without any.
+        Friction; None if the plant has none.
     sample_time, delay : float
-        Sampling time of the controller, and delay from a sample to the control that it leads to [s].
+        Sampling time of the controller, and delay from a sample until its control acts [s].
     method : str
-        Which way the loop was run: "blocks", "steps", "stops not reached" or "contacts", all exact between samples, or
-        "exponential steps", of a hub-beam.
+        Solution method: "blocks", "steps", "stops not reached" or "contacts", all exact between samples, or
+        "exponential steps" for a hub-beam.
     error_estimate : float
-        Estimated largest error of a hub-beam's tip displacement, and of its hub angle times the radius of the free end,
-        m: the distance to the run with steps twice as long.  With quantized measurements it is that of the
-        motion under the controls given.  With friction, of the slip [m]: from runs with fewer
-        substeps, or with two where there is one.  0 of other linear plants.
+        Estimated largest error, m.  For a hub-beam, of its tip displacement and its hub angle times the radius of the free
+        end: the difference from the run with steps twice as long; with quantized measurements, for the same applied
+        controls.  With friction, of the slip: from runs with fewer substeps, or with two instead of one.  0 for other linear
+        plants.
     states : (n, states) ndarray or None
-        Of a hub-beam, named as in ``to_nlsys()``; None of linear plants.
+        States of a hub-beam, named as in ``to_nlsys()``; None for linear plants.
     units : dict from name to str
-        Units of the signals that are known: of structural models and hub-beams; a ``StateSpace`` does not say its own.
+        Units of structural models' and hub-beams' signals; empty for a ``StateSpace``, which has no units.
     """
 
     _made_by = "simulate_loop(...)"
@@ -106,9 +106,9 @@ class LoopResult(TimeSeries):
         controls = f"controls {listed(list(self.controls), 50)}{late}" if self.controls else "no controller"
         limited = [f"{count(len(self.stop_contacts), 'hit')} of a stop"] if self.stop_contacts else []
         limited += [
-            f"{name} at its limit {100.0 * share:.3g} % of the time"
-            for name, share in self.saturation_fraction.items()
-            if share
+            f"{name} at its limit {100.0 * fraction:.3g} % of the time"
+            for name, fraction in self.saturation_fraction.items()
+            if fraction
         ]
         if self.friction is not None:
             limited.append(f"stuck {100.0 * self.friction.stick_fraction:.3g} % of the time")
@@ -120,25 +120,25 @@ class LoopResult(TimeSeries):
 
     @property
     def success(self) -> bool:
-        """Whether the loop is stable while no limit or stop is met, as far as that is known: of linear plants."""
+        """False if the loop of a linear plant is known to be unstable without limits and stops."""
         return self._sampled is None or not (sides(np.linalg.eigvals(self._sampled), self.sample_time) > 0).any()
 
     @property
     def message(self) -> str:
-        """That the loop is unstable, or which way it was run, in one sentence."""
+        """Statement in one sentence that the loop is unstable, or by which method it was run."""
         unstable = "unstable: the loop grows without bound, unless limits or stops hold it"
         return f"run to {self.time[-1]:.6g} s by {self.method}" if self.success else unstable
 
     @property
     def _strokes(self) -> dict[str, Array]:
-        """The outputs named ``stroke_*``."""
+        """Outputs named ``stroke_*``."""
         return {name: values for name, values in self.outputs.items() if name.startswith("stroke_")}
 
     def _outputs(self) -> dict[str, Array]:
         return self.outputs
 
     def _inputs(self) -> dict[str, Array]:
-        """Return disturbances and controls; what is both, added up."""
+        """Return disturbances and controls, summed for inputs that have both."""
         moved = {name: np.zeros(len(self.time)) for name in (*self.disturbances, *self.controls)}
         for signals in (self.disturbances, self.controls):
             for name, values in signals.items():
@@ -149,32 +149,32 @@ class LoopResult(TimeSeries):
         return {**self._inputs(), **{f"commanded_{k}": v for k, v in self.commanded.items()}, **self.outputs}
 
     def __figures__(self) -> dict[str, float]:
-        """Return what a comparison shows."""
+        """Return the values that a comparison shows."""
         result = {}
         for kind, signals in (("", self.outputs), ("control ", self.controls)):
             for name, values in signals.items():
                 result[f"{kind}{name}: rms"] = float(np.sqrt(np.mean(values**2)))
                 result[f"{kind}{name}: peak"] = float(np.abs(values).max())
-        limited = {name: share for name, share in self.saturation_fraction.items() if share}
-        result |= {f"control {name}: at its limit [%]": 100.0 * share for name, share in limited.items()}
+        limited = {name: fraction for name, fraction in self.saturation_fraction.items() if fraction}
+        result |= {f"control {name}: at its limit [%]": 100.0 * fraction for name, fraction in limited.items()}
         return result | ({"hits of stops": float(len(self.stop_contacts))} if self.stop_contacts else {})
 
     def plot(self, ax: Any = None, *, outputs: str | Sequence[str] | None = None, **style: Any) -> Array:
-        """Draw outputs, controls asked for and applied, stops and friction over time.
+        """Draw outputs, commanded and applied controls, stops and friction over time.
 
         Parameters
         ----------
         ax : sequence of matplotlib Axes, or a figure, optional
-            Where to draw: outputs, strokes, controls and friction, those that there are, one axes for each unit, which its
-            label says where it is known; by default a new figure of pyplot.
+            Axes for outputs, strokes, controls and friction, if any, one axes for each unit; by default a new figure of
+            pyplot.
         outputs : str or sequence of str, optional
-            By default the first six that are not strokes.
+            Outputs to draw; by default the first six that are not strokes.
         **style
-            Of the curves, as matplotlib's lines take it; a ``label`` stands before their names.
+            Line properties of matplotlib; a ``label`` is prefixed to the curves' names.
 
         Returns
         -------
         ndarray of matplotlib.axes.Axes
-            Those drawn on, in the order in which ``ax`` names them.
+            Axes drawn on, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.loop").plot_loop(self, ax, outputs=outputs, **style)

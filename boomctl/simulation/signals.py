@@ -1,4 +1,4 @@
-"""Checks of what a simulation is given: times, disturbances, limits."""
+"""Checks of a simulation's arguments: times, disturbances, limits."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, known, mapping, nonnegative, plain_array, positive, whole
 
-_MOST_STEPS = 1e8  # of a run: as many rows of what is kept fill the memory of a large machine (a choice)
-_EVEN = 1e-6  # relative unevenness of steps that count as equal: times printed with seven digits pass
+_MOST_STEPS = 1e8  # Most steps of a run; bounds the memory of the stored signals.
+_EVEN = 1e-6  # Relative difference of steps that count as equal: times printed with seven digits pass.
 
 Levels = float | Mapping[str, float] | None
 
 
 @dataclass(frozen=True)
 class TimeGrid:
-    """The given times, and the finer grid on which the loop is stepped.
+    """Requested times, and the finer grid on which the loop is stepped.
 
     Attributes
     ----------
     time : (n,) ndarray
-        The given times [s].
+        Requested times [s].
     h : float
         Step [s].
     per_point, per_sample : int
-        Steps from one given time to the next, and from one sample of the controller to the next.
+        Steps from one requested time to the next, and from one sample of the controller to the next.
     """
 
     time: Array
@@ -42,11 +42,11 @@ class TimeGrid:
         return (len(self.time) - 1) * self.per_point
 
     def refined(self, rows: Array) -> Array:
-        """Return signals given at the times on the finer grid, by straight lines between the points."""
+        """Return signals at the requested times on the finer grid, by linear interpolation."""
         if self.per_point == 1:
             return rows
-        share = np.arange(self.per_point) / self.per_point
-        lines = rows[:, :-1, None] + share * np.diff(rows, axis=1)[:, :, None]
+        fraction = np.arange(self.per_point) / self.per_point
+        lines = rows[:, :-1, None] + fraction * np.diff(rows, axis=1)[:, :, None]
         return np.hstack([lines.reshape(len(rows), -1), rows[:, -1:]])
 
 
@@ -56,7 +56,7 @@ def uniform_times(timepts: ArrayLike) -> Array:
     Raises
     ------
     ValueError
-        They do not; the message says where.
+        If they do not; the message gives the position.
     """
     time = finite_array("timepts", timepts, ndim=1)
     if len(time) < 2:
@@ -81,7 +81,7 @@ def time_grid(timepts: ArrayLike, sample_time: float, substeps: int = 1) -> Time
     Raises
     ------
     ValueError
-        The step of ``timepts`` and ``sample_time`` are no whole multiple of each other, either way.
+        If neither the step of ``timepts`` nor ``sample_time`` is a whole multiple of the other.
     """
     time = uniform_times(timepts)
     sample = positive("sample_time", sample_time)
@@ -108,7 +108,7 @@ def disturbance_rows(
     driven: Sequence[str],
     points: int,
 ) -> Array:
-    """Return what disturbs each input of the plant at each time, (inputs, points).
+    """Return the disturbance of each input of the plant at each time, (inputs, points).
 
     Parameters
     ----------
@@ -123,52 +123,52 @@ def disturbance_rows(
     Raises
     ------
     TypeError, ValueError
-        Unknown inputs, wrong shapes, numbers that are not finite (a gap); the message names the input.
+        If an input is unknown, a shape is wrong, or a value is not finite (a gap); the message names the input.
     """
     if disturbance is None:
         return np.zeros((len(inputs), points))
     if not isinstance(disturbance, Mapping):
         free = [name for name in inputs if name not in driven]
-        given = np.atleast_2d(plain_array("disturbance", disturbance))
-        if given.shape != (len(free), points):
+        values = np.atleast_2d(plain_array("disturbance", disturbance))
+        if values.shape != (len(free), points):
             raise ValueError(
-                f"disturbances has shape {given.shape}; expected {(len(free), points)}, a row for each of "
+                f"disturbances has shape {values.shape}; expected {(len(free), points)}, a row for each of "
                 f"{', '.join(free) or 'no inputs'} and a column for each time"
             )
-        disturbance = dict(zip(free, given, strict=True))
+        disturbance = dict(zip(free, values, strict=True))
     return _rows("disturbance", disturbance, "disturbance input", inputs, points)
 
 
 def sampled_signals(
-    what: str, given: Mapping[str, ArrayLike] | None, signals: Sequence[str], grid: TimeGrid
+    what: str, values: Mapping[str, ArrayLike] | None, signals: Sequence[str], grid: TimeGrid
 ) -> Array | None:
-    """Return signals given at the times as they are at the samples, (samples, signals); ``None`` for none.
+    """Return signals, specified at the requested times, at the samples, (samples, signals); ``None`` for none.
 
     Raises
     ------
     TypeError, ValueError
-        No mapping, unknown signals, wrong shapes, gaps.
+        If `values` is not a mapping, a signal is unknown, a shape is wrong, or a value is not finite.
     """
-    if given is None:
+    if values is None:
         return None
-    mapping(what, given, f"signals to arrays, those of the controller: {', '.join(signals)}")
-    rows = _rows(what, given, f"signal of {what}", signals, len(grid.time))
+    mapping(what, values, f"signals to arrays, those of the controller: {', '.join(signals)}")
+    rows = _rows(what, values, f"signal of {what}", signals, len(grid.time))
     return np.ascontiguousarray(grid.refined(rows)[:, :: grid.per_sample].T)
 
 
 def sampled_noise(noise: Levels, seed: int, signals: Sequence[str], samples: int) -> Array | None:
-    """Return independent normal numbers of given standard deviations, (samples, signals); ``None`` where all are zero."""
+    """Return independent normal noise with standard deviations ``noise``, (samples, signals); ``None`` if all are zero."""
     level = per_signal("noise", noise, signals, zero=True)
     level[np.isinf(level)] = 0.0
     start = whole("seed", seed, least=0)
     return level * np.random.default_rng(start).standard_normal((samples, len(signals))) if level.any() else None
 
 
-def _rows(what: str, given: Mapping[str, ArrayLike], kind: str, signals: Sequence[str], points: int) -> Array:
+def _rows(what: str, values: Mapping[str, ArrayLike], kind: str, signals: Sequence[str], points: int) -> Array:
     rows = np.zeros((len(signals), points))
-    for name, values in given.items():
+    for name, row in values.items():
         known(kind, name, signals)
-        rows[list(signals).index(name)] = _row(what, name, values, points)
+        rows[list(signals).index(name)] = _row(what, name, row, points)
     return rows
 
 
@@ -183,7 +183,7 @@ def _row(what: str, name: str, values: ArrayLike, points: int) -> Array:
 
 
 def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = False) -> Array:
-    """Return a positive level for each signal, ``inf`` where none is given; ``zero``: levels of zero stand for none."""
+    """Return a positive level for each signal, ``inf`` if it has none; with ``zero``, a level of zero counts as none."""
     result = np.full(len(signals), np.inf)
     if levels is None:
         return result

@@ -1,4 +1,4 @@
-"""The loop, step by step: the plant exactly, the controller at its samples, contacts where there are any."""
+"""The loop, step by step: exact motion of the plant, the controller at its samples, contacts if any."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, Step
 from boomctl.simulation.signals import TimeGrid
 
-_MOST_STEPS = 1e9  # of a delay: more than any run has (a choice)
+_MOST_STEPS = 1e9  # Longest delay in steps: more than any run has.
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a controller's hardware allows; ``inf`` for none.
+    """Limits of a controller's hardware; ``inf`` for none.
 
     Attributes
     ----------
@@ -35,20 +35,20 @@ class Limits:
 
     @property
     def coarse(self) -> bool:
-        """Whether a measurement is quantized."""
+        """True if a measurement is quantized."""
         return bool(np.isfinite(self.quantum).any())
 
 
 @dataclass(frozen=True)
 class Added:
-    """What is added to a controller's signals at each sample, where there is any.
+    """Signals added to those of a controller at each sample; None for none.
 
     Attributes
     ----------
     noise, reference : (samples, measurements) ndarray or None
-        Added to what is measured; taken from what the controller reads, after rounding.
+        Noise added to the measurements; reference subtracted from the measurements, after rounding.
     feedforward : (samples, controls) ndarray or None
-        Added to what the controller asks for.
+        Added to the controller's commands.
     """
 
     noise: Array | None = None
@@ -57,27 +57,27 @@ class Added:
 
     @property
     def any(self) -> bool:
-        """Whether anything is."""
+        """True if a signal is added."""
         return self.noise is not None or self.reference is not None or self.feedforward is not None
 
 
 @dataclass(frozen=True)
 class ControlLog:
-    """What the controller asked for at each sample, what it was given, and where which limit was met."""
+    """Commanded and applied controls at each sample, and masks of active force and rate limits."""
 
-    asked: Array
-    given: Array
+    commanded: Array
+    applied: Array
     saturated: Array
     slewed: Array
 
     def acting(self, steps: Array, late: int, per_sample: int) -> Array:
-        """Return the controls that act at steps of the grid, (steps, controls): those given so many steps before."""
+        """Return the controls that act at steps of the grid, (steps, controls), applied ``late`` steps before."""
         sample = (steps - late) // per_sample
-        return np.where((sample >= 0)[:, None], self.given[np.clip(sample, 0, len(self.given) - 1)], 0.0)
+        return np.where((sample >= 0)[:, None], self.applied[np.clip(sample, 0, len(self.applied) - 1)], 0.0)
 
 
 def whole_steps(delay: float, h: float) -> tuple[int, float]:
-    """Return a delay as whole steps and what is left of it."""
+    """Return a delay as whole steps and a remainder [s]."""
     if delay / h > _MOST_STEPS:
         raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
     return whole_samples(delay, h)
@@ -85,16 +85,16 @@ def whole_steps(delay: float, h: float) -> tuple[int, float]:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SampledRun:
-    """What a run of a sampled loop needs whatever moves in it, checked.
+    """Checked data of a run of a sampled loop around any plant.
 
     Attributes
     ----------
     W : (inputs, steps + 1) ndarray
         Disturbances on the grid.
     delay : float
-        Between a sample and the moment its control acts [s].
+        Time from a sample until its control acts [s].
     start : (n,) ndarray
-        States of the plant at the first time; of a machine, modal coordinates and rates.
+        States of the plant at the first time; for a machine, modal coordinates and rates.
     """
 
     controller: SampledController
@@ -107,22 +107,22 @@ class SampledRun:
 
     @cached_property
     def lag(self) -> int:
-        """Whole steps by which the controls come late."""
+        """Delay of the controls in whole steps."""
         return whole_steps(self.delay, self.grid.h)[0]
 
     @cached_property
     def switch(self) -> float:
-        """The rest of the delay [s]: when the controls change within a step."""
+        """Remainder of the delay [s]: time within a step at which the controls change."""
         return whole_steps(self.delay, self.grid.h)[1]
 
     @property
     def samples(self) -> int:
-        """How often the controller is sampled, at the last time included if a sample falls on it."""
+        """Number of samples of the controller, including the last time if a sample falls on it."""
         return self.grid.steps // self.grid.per_sample + 1
 
     @cached_property
     def disturbed(self) -> Array:
-        """Places of the inputs that are disturbed."""
+        """Indices of the disturbed inputs."""
         return np.flatnonzero(self.W.any(axis=1))
 
     def new_log(self) -> ControlLog:
@@ -131,19 +131,20 @@ class SampledRun:
         return ControlLog(np.zeros(shape), np.zeros(shape), np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool))
 
     def at_points(self, log: ControlLog) -> tuple[Array, Array]:
-        """Return the controls that act just after each given time, and what was asked for last, (controls, points)."""
+        """Return the controls that act just after each time, and the latest commands, (controls, points)."""
         step = np.arange(len(self.grid.time)) * self.grid.per_point
-        late = self.lag + (1 if self.switch else 0)  # steps after a sample from which on its control acts throughout
-        latest = np.minimum(step // self.grid.per_sample, len(log.asked) - 1)
-        return log.acting(step, late, self.grid.per_sample).T, log.asked[latest].T
+        late = self.lag + (1 if self.switch else 0)  # steps after a sample from which its control acts throughout
+        latest = np.minimum(step // self.grid.per_sample, len(log.commanded) - 1)
+        return log.acting(step, late, self.grid.per_sample).T, log.commanded[latest].T
 
 
 @dataclass(frozen=True)
 class LinearLoop:
-    """The loop without limits: states of the plant, of the controls given, and of the controller.
+    """The loop without limits: states of the plant, applied controls, and states of the controller.
 
-    ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the controls asked for, and their changes.
-    ``mend`` is what each control given beyond the one asked for adds to ``z+``, ``given`` which states are those given last.
+    ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the commanded controls, and their changes.
+    ``excess`` is the effect of applied less commanded controls on ``z+``, ``latest`` the indices of the latest applied
+    controls in ``z``.
     """
 
     Phi: Array
@@ -151,13 +152,13 @@ class LinearLoop:
     last: Array
     C: Array
     D: Array
-    mend: Array
-    given: Array
+    excess: Array
+    latest: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LoopProblem(SampledRun):
-    """What a run around a linear plant needs: the plant, its motion over a step, and what it touches."""
+    """Data of a run around a linear plant: the plant, its motion over a step, and its contacts."""
 
     plant: ModalPlant
     maps: Step
@@ -165,47 +166,47 @@ class LoopProblem(SampledRun):
 
     @property
     def forcing(self) -> Array:
-        """What the disturbances add to the states at each step, (steps, n)."""
+        """Effect of the disturbances on the states at each step, (steps, n)."""
         used, W = self.disturbed, self.W[self.disturbed]
         return W[:, :-1].T @ self.maps.first[:, used].T + W[:, 1:].T @ self.maps.last[:, used].T
 
     @cached_property
     def linear(self) -> LinearLoop:
-        """The loop while no limit is met, in the steps of its grid."""
+        """The loop while no limit is active, in the steps of its grid."""
         return linear_loop(self, self.maps, (self.lag, self.switch))
 
     @property
     def stepper(self) -> Array:
-        """The map of states, control before and control after the switch to the states a step later."""
+        """Map of states, control before and control after the switch to the states a step later."""
         d = self.controller.driven
         return np.hstack([self.maps.Phi, self.maps.before[:, d], self.maps.after[:, d]])
 
 
 def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLoop:
-    """Return the loop while no limit is met, in steps of such maps, its controls so many of them and a rest [s] late."""
+    """Return the loop while no limit is active, in steps of ``maps``, with a delay of whole steps and a remainder [s]."""
     plant, c, nu = p.plant, p.controller, len(p.controller.driven)
     held = Held.of(plant, c.driven.tolist(), [late] * nu, remembered=True)
     A, B = held.matrices(maps.Phi, maps.before, maps.after)
-    m, size, acting, given = maps.first.shape[1], len(A), B[:, c.driven], held.starts[c.driven]
-    moving, asked = _grown(plant.C, len(plant.C), size), np.zeros((nu, size))
-    C = np.vstack([moving, asked, asked - np.eye(size)[given], held.answers(0.0)[0][c.measured]])
+    m, size, acting, latest = maps.first.shape[1], len(A), B[:, c.driven], held.starts[c.driven]
+    moving, commanded = _grown(plant.C, len(plant.C), size), np.zeros((nu, size))
+    C = np.vstack([moving, commanded, commanded - np.eye(size)[latest], held.answers(0.0)[0][c.measured]])
     D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
     D[len(moving) : len(moving) + nu, m:] = D[len(moving) + nu : read, m:] = np.eye(nu)
     D[read:, :m] = plant.D[c.measured]
     first = _grown(maps.first, size, m)
-    # no control is felt before it is given: the loop is well-posed, with nothing to solve
+    # outputs do not depend on a control before it acts: the loop is well-posed
     loop = closed(Lti(A, np.hstack([first, acting]), C, D), Lti(c.A, c.B, c.C, c.D), np.eye(nu))
     last = _grown(maps.last, len(loop.A), m)
-    return LinearLoop(loop.A, loop.B, last, loop.C, loop.D, mend=np.vstack([acting, c.L]), given=given)
+    return LinearLoop(loop.A, loop.B, last, loop.C, loop.D, excess=np.vstack([acting, c.L]), latest=latest)
 
 
 def _grown(matrix: Array, rows: int, columns: int) -> Array:
-    """Return a matrix with zeros below and behind it."""
+    """Return a matrix padded with zero rows and columns."""
     return np.pad(matrix, ((0, rows - len(matrix)), (0, columns - matrix.shape[1])))
 
 
 def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
-    """Return the function that takes sample ``k`` of the controller from ``[states, control]`` and writes it down."""
+    """Return the function that evaluates sample ``k`` of the controller from ``[states, control]`` and logs it."""
     c, plant = p.controller, p.plant
     ny, nu = len(c.measured), len(c.driven)
     reads = np.hstack([plant.C[c.measured], plant.D[np.ix_(c.measured, c.driven)]])
@@ -220,7 +221,7 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
     grain = np.where(coarse, p.limits.quantum, 1.0) if p.limits.coarse else None
     bounded = bool(np.isfinite(p.limits.force).any() or np.isfinite(p.limits.rate).any())
     force, rate, last = p.limits.force.tolist(), p.limits.rate.tolist(), [0.0] * nu
-    asked, given, correction, laws = log.asked, log.given, c.L, c.laws
+    commanded, applied, correction, laws = log.commanded, log.applied, c.L, c.laws
     correct = correction.any() if laws is None else laws.correction.any()
 
     def sample(k: int, at: Array) -> None:
@@ -236,20 +237,20 @@ def sampler(p: LoopProblem, log: ControlLog) -> Callable[[int, Array], None]:
         np.dot(law, known, out=result)
         if forward is not None:
             u.__iadd__(forward[k])
-        asked[k] = u
+        commanded[k] = u
         if bounded and limited(u.tolist(), k, force, rate, last, log):
-            given[k] = last
+            applied[k] = last
             if correct:
-                following.__iadd__(correction @ (given[k] - asked[k]))
+                following.__iadd__(correction @ (applied[k] - commanded[k]))
         else:
-            given[k] = u
+            applied[k] = u
         state[:] = following
 
     return sample
 
 
 def limited(u: list[float], k: int, force: list[float], rate: list[float], last: list[float], log: ControlLog) -> bool:
-    """Put the controls given for those asked into ``last``, mark the limits that they meet, return whether one is met."""
+    """Limit the commands ``u``, store the applied controls in ``last``, log active limits; return True if one is active."""
     met = False
     for i, value in enumerate(u):
         allowed = value
@@ -281,14 +282,14 @@ def run_steps(
     ----------
     p : LoopProblem
     log : ControlLog
-        To be filled.
+        Log, which is filled.
     stepper, forcing : ndarray
-        What states and controls, and disturbances (steps, row), make of the row a step later: states first.
+        Effect of states and controls, and of disturbances (steps, row), on the row a step later: states first.
     touched : callable, optional
         Returns the row with contact forces, of a step and the row without them.
     """
     n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
-    sample, given = sampler(p, log), log.given
+    sample, applied = sampler(p, log), log.applied
     X = np.zeros((p.grid.steps + 1, n))
     X[0] = p.start
     full = np.zeros(n + 2 * nu)
@@ -298,7 +299,7 @@ def run_steps(
         if k % per_sample == 0:
             sample(k // per_sample, heard)
         if k >= lag:
-            after[:] = given[(k - lag) // per_sample]
+            after[:] = applied[(k - lag) // per_sample]
         row = stepper @ full
         row += forcing[k]
         if touched is not None:

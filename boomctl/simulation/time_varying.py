@@ -14,7 +14,7 @@ from boomctl.printing import between, count
 
 @dataclass(frozen=True, repr=False, eq=False)
 class TimeVaryingController:
-    """``x+ = A_k x + B_k y + L_k (given - asked)``, ``asked = C_k x + D_k y`` at sample k; the last matrices stay.
+    """Controller ``x+ = A_k x + B_k y + L_k (applied - commanded)``, ``commanded = C_k x + D_k y``; the last matrices stay.
 
     Parameters
     ----------
@@ -25,12 +25,12 @@ class TimeVaryingController:
     dt : float
         Time between samples [s].
     anti_windup_gain : array_like, optional
-        How the control that limits allow corrects the state, (k, n, m); zero unless given.
+        Gain ``L`` by which the applied control corrects the state, (k, n, m); zero by default.
 
     Raises
     ------
     TypeError, ValueError
-        Matrices that do not fit together or have gaps; names used twice; no time above zero.
+        If shapes of matrices do not match, a matrix is not finite, a name is used twice, or `dt` is not positive.
 
     Examples
     --------
@@ -56,8 +56,8 @@ class TimeVaryingController:
 
     def __post_init__(self) -> None:
         for what in ("input_labels", "output_labels"):
-            given = sequence(what, getattr(self, what), "str")
-            result = tuple(signal_name(f"{what}[{i}]", item) for i, item in enumerate(given))
+            labels = sequence(what, getattr(self, what), "str")
+            result = tuple(signal_name(f"{what}[{i}]", item) for i, item in enumerate(labels))
             if len(set(result)) < len(result) or not result:
                 raise ValueError(f"{what} = {result!r}: expected one name or more, each once")
             object.__setattr__(self, what, result)

@@ -75,15 +75,15 @@ REFUSED = [
     (lambda: hub_beam(maneuver=SPIN_UP), "accuracy = None: expected a number"),
     (
         lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, model="sfoam"),
-        "model = 'sfoam': expected none beside accuracy",
+        "model = 'sfoam': expected None with accuracy",
     ),
     (lambda: hub_beam(accuracy=1e-8, maneuver=SPIN_UP), "accuracy = 1e-08: expected 1e-07 to 1"),
-    (lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, timepts=[]), r"time of shape \(0,\): expected an instant"),
+    (lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, timepts=[]), r"timepts of shape \(0,\): expected a time"),
     (
         lambda: hub_beam(accuracy=1e-3, maneuver=SPIN_UP, timepts=1e10),
         "timepts = .*: expected at most .* s, 1000 periods",
     ),
-    (lambda: hub_beam(accuracy=1e-3, maneuver=applied_torque(np.sin)), "timepts = None: expected the last instant"),
+    (lambda: hub_beam(accuracy=1e-3, maneuver=applied_torque(np.sin)), "timepts = None: expected the last time"),
     (lambda: hub_beam(accuracy=1e-3, maneuver=hold_angle(), timepts=1.0), "maneuver = Hold.* moves the beam"),
 ]
 

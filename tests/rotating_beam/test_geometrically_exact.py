@@ -74,7 +74,7 @@ def lagrangian(basis, q, v):
 def test_matrices_are_derivatives_of_momentum_and_force(state):
     dynamics = ExactBeamDynamics(strain_basis(LOADED, 4))
     q, v = state
-    mass, coupling, stiffness = dynamics.linearisation(q, v)
+    mass, coupling, stiffness = dynamics.linearization(q, v)
     np.testing.assert_allclose(mass @ v, dynamics.momentum_and_force(q, v)[0], rtol=1e-12, atol=1e-12)
     h = 1e-6
     for k in range(q.size):

@@ -163,7 +163,7 @@ def test_a_planned_torque_moves_the_beam_as_its_function_does(model, intervals):
     assert found.stages == SWEPT
     assert np.abs(found.tip_displacement - exact.tip).max() <= 1e-9 * np.abs(exact.tip).max()
     ends = np.concatenate([
-        p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in found.details.args[2].states.func.pieces
+        p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in found.details.args[2].states.func.windows
     ])  # fmt: skip
     assert np.abs(ends[:, None] - history.edges).min(axis=0).max() <= 1e-9
 

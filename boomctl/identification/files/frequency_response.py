@@ -188,19 +188,19 @@ def _of_response(
     return MeasuredFrequencyResponse(freq_hz, curves, labels, response, inputs, outputs)
 
 
-def _complex_response(place: str, header: Sequence[str], values: Array) -> Array:
+def _complex_response(location: str, header: Sequence[str], values: Array) -> Array:
     """Return the response from columns of real and imaginary parts."""
     columns = {}
     for name, column in zip(header, values.T, strict=True):
         word = re.fullmatch(r"(re|im)_0*([1-9][0-9]*)_0*([1-9][0-9]*)", name)
         if word is None:
-            raise ValueError(f"{place}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}")
+            raise ValueError(f"{location}: expected columns re_OUT_IN and im_OUT_IN with numbers from 1, got {name!r}")
         key = word[1], int(word[2]), int(word[3])
         if key in columns:  # re_1_1 and re_01_1
-            raise ValueError(f"{place}: column {name!r} is there twice")
+            raise ValueError(f"{location}: column {name!r} is there twice")
         columns[key] = column
     outputs, inputs = (range(1, 1 + max(key[k] for key in columns)) for k in (1, 2))
     missing = next((key for key in product(("re", "im"), outputs, inputs) if key not in columns), None)
     if missing is not None:
-        raise ValueError(f"{place}: column {missing[0]}_{missing[1]}_{missing[2]} is missing")
+        raise ValueError(f"{location}: column {missing[0]}_{missing[1]}_{missing[2]} is missing")
     return np.array([[columns["re", o, i] + 1j * columns["im", o, i] for i in inputs] for o in outputs])

@@ -34,14 +34,14 @@ def read_responses(path: Path) -> tuple[Array, Array, tuple[str, ...], tuple[str
     grid = None
     kinds, responses = _data_sets(path)
     for k, item in responses.items():
-        place = f"{path}, data set {k + 1}"
+        location = f"{path}, data set {k + 1}"
         out, into = ((int(item[f"{side}_node"]), int(item[f"{side}_dir"])) for side in ("rsp", "ref"))
-        freq, values = _curve(place, item)
+        freq, values = _curve(location, item)
         grid = freq if grid is None else grid
         if freq.shape != grid.shape or not np.allclose(freq, grid, rtol=ALIKE, atol=0.0):
-            raise ValueError(f"{place}: expected the frequencies of the data sets before it")
+            raise ValueError(f"{location}: expected the frequencies of the data sets before it")
         if (out, into) in result:
-            raise ValueError(f"{place}: the response of {_signal(out)} to {_signal(into)} is there twice")
+            raise ValueError(f"{location}: the response of {_signal(out)} to {_signal(into)} is there twice")
         result[out, into] = values
     if grid is None:
         there = ", ".join(map(str, sorted(kinds))) or "none"
@@ -89,25 +89,25 @@ def _data_sets(path: Path) -> tuple[set[int], dict[int, dict[str, Any]]]:
     return set(kinds), responses
 
 
-def _curve(place: str, item: dict[str, Any]) -> tuple[Array, Array]:
+def _curve(location: str, item: dict[str, Any]) -> tuple[Array, Array]:
     """Return frequencies and complex values of one data set, checked."""
     freq, values = np.asarray(item["x"], dtype=float), np.asarray(item["data"])
     if not np.iscomplexobj(values):
-        raise ValueError(f"{place}: expected a complex frequency response, got real numbers")
+        raise ValueError(f"{location}: expected a complex frequency response, got real numbers")
     if not (np.isfinite(freq).all() and np.isfinite(values).all() and len(freq) and freq.shape == values.shape):
-        raise ValueError(f"{place}: expected finite numbers, one a frequency")
+        raise ValueError(f"{location}: expected finite numbers, one a frequency")
     if len(freq) != int(item["num_pts"]):
-        raise ValueError(f"{place}: expected {int(item['num_pts'])} values, as it says itself, got {len(freq)}")
+        raise ValueError(f"{location}: expected {int(item['num_pts'])} values, as it says itself, got {len(freq)}")
     for axis, others in _OTHER_UNITS.items():
         unit = str(item.get(f"{axis}_axis_units_lab", ""))
         if others.intersection(re.findall(r"[a-z]+", unit.lower())):
-            raise ValueError(f"{place}: expected SI units and frequencies in Hz, got the unit {unit!r}")
+            raise ValueError(f"{location}: expected SI units and frequencies in Hz, got the unit {unit!r}")
     if (freq < 0.0).any() or not (np.diff(freq) > 0.0).all():
-        raise ValueError(f"{place}: expected frequencies not below zero and ascending")
+        raise ValueError(f"{location}: expected frequencies not below zero and ascending")
     return freq, values
 
 
-def _signal(place: tuple[int, int]) -> str:
+def _signal(location: tuple[int, int]) -> str:
     """Return a node and direction as a name."""
-    node, direction = place
+    node, direction = location
     return f"{node}{_DIRECTIONS.get(direction, f'({direction})')}"

@@ -19,12 +19,12 @@ from boomctl.arrays import Array
 from boomctl.gauss import integrated_legendre, lagrange_integrals
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
-EXTRA_NODES = 10  # of the quadrature beyond the polynomials on a span, as energy is not a polynomial: a choice
+EXTRA_NODES = 10  # Quadrature nodes in addition to the polynomials on a span, as the energy is not a polynomial.
 
 
 @dataclass(frozen=True, eq=False)
 class StrainBasis:
-    """Rows of a discretised beam over the coordinates ``q = (theta, curvatures, stretches)``.
+    """Rows of a discretized beam over the coordinates ``q = (theta, curvatures, stretches)``.
 
     Node 0 is the hub: its "tangent" ``e^{i theta}`` carries the hub radius, so that hub and beam need no
     separate formulas. The others are Gauss-Legendre nodes of the spans.
@@ -63,17 +63,17 @@ class StrainBasis:
 
     @property
     def bending(self) -> slice:
-        """Where the curvature coordinates stand."""
+        """Indices of the curvature coordinates."""
         return slice(1, 1 + (self.coordinates - 1) // 2)
 
     @property
     def stretching(self) -> slice:
-        """Where the stretch coordinates stand."""
+        """Indices of the stretch coordinates."""
         return slice(1 + (self.coordinates - 1) // 2, self.coordinates)
 
 
 def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
-    """Discretise the beam with ``modes`` Legendre polynomials of curvature and of stretch on each span.
+    """Discretize the beam with ``modes`` Legendre polynomials of curvature and of stretch on each span.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
 
 
 def _span_ends(parameters: HubBeamParameters) -> Array:
-    """Ends of the spans [m]; the tip mass, if any, stands at one of them."""
+    """Return the ends of the spans [m]; one of them is at the tip mass, if any."""
     inside = parameters.tip_mass > 0.0 and 0.0 < parameters._mass_position < parameters.length
     return np.array([0.0, *([parameters._mass_position] if inside else []), parameters.length])
 

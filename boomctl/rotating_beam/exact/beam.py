@@ -28,13 +28,13 @@ if TYPE_CHECKING:
     from boomctl.lti.machine_modes import MachineModes
     from boomctl.rotating_beam.sensors import BeamSensor
 
-_FIRST_STEP = 0.25  # of the second bending period: the coarsest step of a run, a choice
-_MOST_POLYNOMIALS = 60  # a span: the series has converged to rounding long before
-_MORE = 1.4  # times the polynomials, to see what more are worth: about the square root of 2 (a choice)
-_COMPARED = 43  # the most of which more are tried: 1.4 times as many are 60
-_LOOSE = 1e-4  # tolerance of the steps in which numbers of polynomials are compared: half a digit beyond a picture
-_LEFT = 1.5  # times what the next polynomials change: what all further ones do, which is less each time by half or more
-_FIRST_STEP_ALONE = 0.0625  # of the first bending period, where there is no second one, which is about 6 times as fast
+_FIRST_STEP = 0.25  # Coarsest step of a run, in periods of the second bending mode.
+_MOST_POLYNOMIALS = 60  # Most polynomials on a span: the series has converged to rounding error with fewer.
+_MORE = 1.4  # Factor on the number of polynomials to estimate the truncation error: about the square root of 2.
+_COMPARED = 43  # Most polynomials that are multiplied by this factor: 1.4 times as many are 60.
+_LOOSE = 1e-4  # Relative tolerance of the steps with which numbers of polynomials are compared.
+_LEFT = 1.5  # Truncation error over the change by the next polynomials: later changes fall by half or more each time.
+_FIRST_STEP_ALONE = 0.0625  # Coarsest step in periods of the first bending mode, if there is no second one.
 
 
 @final
@@ -52,10 +52,10 @@ class GeometricallyExactBeam(HubBeam):
         The machine. Its damping ratio holds for small motion of the clamped beam at rest; the force is linear in
         the rates of strain.
     modes : int
-        Number of polynomials of curvature, and of stretch, on each span; 1 to 60. The error of a motion says what they
-        leave out.
+        Number of polynomials of curvature, and of stretch, on each span; 1 to 60. The error of a motion includes the
+        truncation of the series.
     selection : record, optional
-        What was chosen for its accuracy in a maneuver, and what was tried: see `hub_beam`.
+        Result of the selection by accuracy in a maneuver, with the tested candidates: see `hub_beam`.
 
     Attributes
     ----------
@@ -65,7 +65,7 @@ class GeometricallyExactBeam(HubBeam):
     Raises
     ------
     TypeError, ValueError
-        If ``modes`` is no whole number, or out of range.
+        If ``modes`` is not a whole number, or out of range.
     """
 
     parameters: HubBeamParameters
@@ -83,7 +83,7 @@ class GeometricallyExactBeam(HubBeam):
 
     @cached_property
     def _basis(self) -> StrainBasis:
-        """The discretised beam."""
+        """Discretized beam."""
         return strain_basis(self.parameters, self.modes)
 
     @cached_property
@@ -154,10 +154,10 @@ class GeometricallyExactBeam(HubBeam):
         return q[1:]
 
     def _linearized(self, speed: float) -> tuple[Array, Array, Array]:
-        """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearisation`."""
+        """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearization`."""
         q, v = np.append(0.0, self._steady_coordinates(speed)), np.zeros(self._size)
         v[0] = speed
-        return self.dynamics.linearisation(q, v)
+        return self.dynamics.linearization(q, v)
 
     def _small_motion(self, speed: float) -> SmallMotion:
         mass, coupling, stiffness = self._linearized(speed)
@@ -205,9 +205,9 @@ class GeometricallyExactBeam(HubBeam):
         )
 
     def _left_out(self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], atol: float) -> float:
-        """Return what further polynomials are worth [m]: a motion with 1.4 times as many, in the same steps.
+        """Estimate the truncation error of the series [m] by a motion with 1.4 times as many polynomials in the same steps.
 
-        What it changes by is due to the polynomials, for the errors of the steps are nearly the same.  So coarse steps serve.
+        The difference is due to the polynomials, for the errors of the steps are nearly the same; coarse steps suffice.
         """
         few = self._of(min(self.modes, _COMPARED))
         more = self._of(max(math.ceil(_MORE * few.modes), few.modes + 2))
@@ -225,7 +225,7 @@ class GeometricallyExactBeam(HubBeam):
             step = before.step
             while True:
                 try:
-                    return _LEFT * stepped(more, step).apart(before)
+                    return _LEFT * stepped(more, step).distance(before)
                 except StepFailedError:
                     step *= 0.5
                     before = stepped(few, step)
@@ -251,7 +251,7 @@ class GeometricallyExactBeam(HubBeam):
 
 
 def _forces(dynamics: ExactBeamDynamics, maneuver: Maneuver, timepts: Array, q: Array, v: Array) -> Dynamics:
-    """What a motion's forces and inertias come to."""
+    """Evaluate forces and inertias of a motion."""
     force = -dynamics.convective_force(q, v)
     inner = force - dynamics.basis.stiffness * q
     if dynamics.damping is not None:
@@ -288,9 +288,9 @@ def _damping_matrix(basis: StrainBasis, ratio: float) -> Array | None:
 
 
 def resized(y: Array, modes: int, wanted: int) -> Array:
-    """Return coordinates, or their rates, of another number of polynomials: those beyond are left out, or zero."""
+    """Return coordinates, or their rates, of another number of polynomials: truncated, or extended by zeros."""
     strains = y[..., 1:].reshape(*y.shape[:-1], -1, modes)
-    kept = np.zeros((*strains.shape[:-1], wanted))
+    result = np.zeros((*strains.shape[:-1], wanted))
     least = min(modes, wanted)
-    kept[..., :least] = strains[..., :least]
-    return np.concatenate([y[..., :1], kept.reshape(*y.shape[:-1], -1)], axis=-1)
+    result[..., :least] = strains[..., :least]
+    return np.concatenate([y[..., :1], result.reshape(*y.shape[:-1], -1)], axis=-1)

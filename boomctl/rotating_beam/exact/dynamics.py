@@ -1,4 +1,4 @@
-"""Momenta, forces and their derivatives of the geometrically exact beam, closed form, vectorised over instants.
+"""Momenta, forces and their derivatives of the geometrically exact beam, closed form, vectorized over times.
 
 With the tangent ``u = (1 + eps) e^{i phi}`` at the nodes, positions are ``z = W u``, and everything in the
 kinetic energy ``T = 1/2 sum_k m_k |z_k'|^2 + 1/2 J_h theta'^2`` is local to a node but for the one real matrix
@@ -74,21 +74,21 @@ class ExactBeamDynamics:
         return mass
 
     def convective_force(self, q: Array, v: Array) -> Array:
-        """``M'(q, v) v - dT/dq``: what ``M q'' + ...`` has beside ``M q''``; its first entry is ``-Q_theta``."""
+        """Return ``M'(q, v) v - dT/dq``, the terms of the equations quadratic in v; the first entry is ``-Q_theta``."""
         direction, tangent, _, turn, stretching = self._nodes(q, v)
         acceleration = 2j * stretching * turn * direction - turn**2 * tangent
         force = (acceleration @ self.mass_kernel).conj()
         return -np.imag(tangent * force) @ self.basis.rotation + np.real(direction * force) @ self.basis.stretch
 
     def acceleration(self, q: Array, v: Array, torque: float) -> Array:
-        """``q''`` with the hub free under ``torque`` [N m]; one instant, shape ``(coordinates,)``."""
+        """Return ``q''`` with the hub free under ``torque`` [N m]; one time, shape ``(coordinates,)``."""
         force = -self.convective_force(q, v) - self.basis.stiffness * q
         if self.damping is not None:
             force -= self.damping @ v
         force[0] += torque
         return np.linalg.solve(self.mass_matrix(q), force)
 
-    def linearisation(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    def linearization(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Derivatives of momentum and force: ``dp/dv = M``, ``dp/dq`` and ``-dg/dq = d^2(U - T)/dq^2``.
 
         ``dg/dv`` is the transpose of ``dp/dq`` less the damping. Small motion about a steady rotation obeys
@@ -137,7 +137,7 @@ class ExactBeamDynamics:
         return ((rate - 1j * v[..., :1] * tangent) @ self.basis.tip_row) * np.exp(-1j * q[..., 0])
 
     def tip_row(self, q: Array) -> Array:
-        """Derivative of :meth:`tip` with respect to the coordinates, complex; one instant."""
+        """Return the derivative of :meth:`tip` with respect to the coordinates, complex; one time."""
         direction, tangent, *_ = self._nodes(q, np.zeros_like(q))
         row = self.basis.tip_row @ self._motions(direction, tangent)
         row[0] = 0.0

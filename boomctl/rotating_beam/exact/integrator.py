@@ -5,8 +5,8 @@ The unknowns of a step are the velocities ``V_i`` at the stages; with ``Q_i = q_
     p(Q_i, V_i) - p_0 - h sum_j a_ij g(Q_j, V_j, t_j) = 0,
 
 where ``p`` is the momentum and ``g`` the force. Because positions and *momenta* are collocated, angular momentum is
-kept to rounding and energy without drift (Hairer, Lubich & Wanner 2006, IV.2.1 and IX.8); accelerations never appear.
-The steps are of equal length between the instants at which the drive is not smooth.
+conserved to rounding error and energy without drift (Hairer, Lubich & Wanner 2006, IV.2.1 and IX.8); accelerations never
+appear. The steps are of equal length between the times at which the drive is not smooth.
 """
 
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ from boomctl.maneuvers import Maneuver, PrescribedMotion
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 
-STAGES = 4  # of the collocation, order 8: a choice
-_MAX_ITERATIONS = 15  # of Newton's method: a choice
+STAGES = 4  # Stages of the collocation, order 8.
+_MAX_ITERATIONS = 15  # Iterations of Newton's method.
 _SETTLED = 1e-15  # last correction times contraction, relative to the motion, at which a step is solved
 _NOISE = 1e-10  # relative corrections below this that no longer shrink are rounding
 _STALLED = 0.5  # contraction above which corrections no longer shrink
-_SLOW = 0.05  # contraction above which the frozen Jacobian is renewed: a choice
+_SLOW = 0.05  # contraction above which the frozen Jacobian is updated
 _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
-CHUNK = 500  # mass matrices held at once: a choice, to bound the memory
+CHUNK = 500  # Mass matrices stored at once; bounds the memory.
 
 
 class StepFailedError(Exception):
-    """The equations of one step did not converge: the step is too long."""
+    """No convergence in one step: the step is too long."""
 
 
 @final
@@ -58,26 +58,26 @@ def march(
     maneuver : PrescribedMotion or TorqueDriven
         Smooth over the steps.
     times : ndarray, k
-        Ends of the steps, equally far apart, s.
+        Ends of the steps, equally spaced, s.
     state : pair of ndarray, n
-        Coordinates and velocities at the first of them.
+        Coordinates and velocities at ``times[0]``.
 
     Returns
     -------
     Trajectory
-        At all of them.
+        States at ``times``.
 
     Raises
     ------
     StepFailedError
-        A step's equations did not converge.
+        If Newton's method does not converge in a step.
     """
     rule, (q, v) = gauss_method(STAGES), state
     h = (times[-1] - times[0]) / (times.size - 1)
-    instants = times[:-1, None] + h * rule.nodes
+    nodes = times[:-1, None] + h * rule.nodes
     prescribed = isinstance(maneuver, PrescribedMotion)
-    hub = np.stack([maneuver.angle(instants), maneuver.speed(instants)], 1) if prescribed else None
-    torque = None if prescribed else maneuver.torque(instants)
+    hub = np.stack([maneuver.angle(nodes), maneuver.speed(nodes)], 1) if prescribed else None
+    torque = None if prescribed else maneuver.torque(nodes)
     p = dynamics.momentum_and_force(q, v)[0]
     guess = np.tile(v, (rule.stages, 1))
     states, momenta = np.tile(q, (times.size, 1)), np.tile(p, (times.size, 1))
@@ -96,7 +96,7 @@ def march(
             first=1 if prescribed else 0,
         )
         frozen = step.frozen_inverse(guess) if frozen is None else frozen
-        # in turn: the Jacobian of an earlier step, cheap; a fresh one in each iteration; that from the calm start
+        # in this order: the inexpensive Jacobian of an earlier step; a new one in each iteration; a calm start
         solved = step.solve(guess, frozen) or step.solve(guess, None) or step.solve(step.calm_guess(), None)
         if solved is None:
             raise StepFailedError(f"a step of {h:.3g} s at t = {times[k]:.6g} s did not converge")
@@ -177,12 +177,12 @@ class _Step:
     def frozen_inverse(self, guess: Array) -> Array:
         """Inverse of the Jacobian with the same matrices at all stages: those in the middle of the step."""
         middle = guess.mean(axis=0)
-        one = self.dynamics.linearisation(self.q + 0.5 * self.h * middle, middle)
+        one = self.dynamics.linearization(self.q + 0.5 * self.h * middle, middle)
         return self._inverse(*(np.broadcast_to(m, (self.rule.stages, *m.shape)) for m in one))
 
     def jacobian_inverse(self, velocities: Array) -> Array:
         """Inverse of the exact Jacobian over all stages."""
-        return self._inverse(*self.dynamics.linearisation(*self.stages(velocities)))
+        return self._inverse(*self.dynamics.linearization(*self.stages(velocities)))
 
     def _inverse(self, mass: Array, coupling: Array, stiffness: Array) -> Array:
         a, h, own = self.rule.A, self.h, slice(self.first, None)

@@ -1,8 +1,8 @@
 """Runs of the geometrically exact beam to a tolerance: the step is halved until two runs agree.
 
-Equal steps keep the integrator symplectic, so the accuracy is not judged step by step but on the whole run: its tip
-displacement and hub angle at the instants asked for, against those of a run with twice the step. Between the ends of
-steps the motion is interpolated by the Hermite polynomial of degree 11 through six of them.
+The integrator is symplectic only with equal steps, so the error is estimated for a full run, not step by step: tip
+displacement and hub angle at the requested times are compared with a run with twice the step. Between the ends of steps the
+motion is interpolated by the Hermite polynomial of degree 11 through six ends.
 """
 
 from dataclasses import dataclass
@@ -20,34 +20,33 @@ from boomctl.maneuvers import HubProfile, Maneuver, Torque
 from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailedError, Trajectory, march
-from boomctl.rotating_beam.result import Motion, kept_states, small_deformation_until
+from boomctl.rotating_beam.result import Motion, known_states, small_deformation_until
 
-_WINDOW = 6  # ends of steps that an interpolation goes through: of degree 11, beyond the order of the steps
-_LEAST_STEPS = 2 * _WINDOW  # between two corners: a choice
-_MOST_STEPS = 300_000  # where a run is given up: a choice
-_PROBES = 513  # instants, besides those asked for, at which two runs must agree
-_LONG = (
-    20_000  # steps of the first run from which a five-hundredth of it is run before, to tell whether the whole can be
-)
+_WINDOW = 6  # Ends of steps in an interpolation polynomial: degree 11, above the order of the steps.
+_LEAST_STEPS = 2 * _WINDOW  # Fewest steps between two breakpoints.
+_MOST_STEPS = 300_000  # Most steps of a run.
+_PROBES = 513  # Times, in addition to the requested ones, at which two runs must agree.
+_LONG = 20_000  # Steps of the first run above which 1/500 of it is run first, to predict the number of steps of the full run.
 _PILOT = 500.0
-_HOPELESS = 2.0  # times the most steps that this has to promise for a run to be refused: it may be the hardest part
-_STUCK = 0.7  # part of the last error above which a refinement has not lowered it
-_MOST_STUCK = 3  # refinements that do not lower the error before the run is given up
+# Factor on `_MOST_STEPS` above which a predicted number is an error: the pilot may be the hardest part.
+_HOPELESS = 2.0
+_STUCK = 0.7  # Ratio to the last error above which a refinement counts as without effect.
+_MOST_STUCK = 3  # Refinements without effect after which the run ends with an error.
 
 
 class _TooManyError(SimulationError):
-    """More steps than are taken."""
+    """Number of steps above the limit."""
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A motion in steps of a length, at the instants asked for and at probes between them.
+    """Motion in steps of one length, at the requested times and at probes between them.
 
     Attributes
     ----------
     probes : ndarray, k
-        Instants, s.
+        Times, s.
     tip : ndarray, k
         Position of the free end in the hub's axes, complex, m.
     arm : ndarray, k
@@ -55,7 +54,7 @@ class Run:
     state : pair of ndarray, k x n
         Coordinates and velocities.
     trajectories : list of Trajectory
-        From one corner of the drive to the next.
+        From one breakpoint of the drive to the next.
     steps : int
     step : float
         Longest step, s.
@@ -69,12 +68,12 @@ class Run:
     steps: int
     step: float
 
-    def apart(self, other: "Run") -> float:
-        """Return by how much the free end or the arm is elsewhere in another run at the same instants, m."""
+    def distance(self, other: "Run") -> float:
+        """Return the largest difference of free end or arm from another run at the same times, m."""
         return float(max(np.max(np.abs(self.tip - other.tip)), np.max(np.abs(self.arm - other.arm))))
 
     def largest(self, radius: float) -> float:
-        """Return the largest displacement of a free end that stands at a radius, m."""
+        """Return the largest displacement of the free end from its undeformed position at a radius, m."""
         return float(np.max(np.abs(self.tip - radius)))
 
 
@@ -86,14 +85,14 @@ def run_with_step(
     step: float,
     least: int = _LEAST_STEPS,
 ) -> Run:
-    """Integrate from t = 0 in steps of about a length [s], at least so many between two corners.
+    """Integrate from t = 0 in steps of about a length [s], with at least `least` steps between two breakpoints.
 
     Raises
     ------
     StepFailedError
-        The steps are too long.
+        If the steps are too long.
     SimulationError
-        They are too many.
+        If there are too many steps.
     """
     end = float(timepts[-1])
     bounds = _bounds(maneuver, end, step)
@@ -111,7 +110,7 @@ def run_with_step(
 
 
 def _bounds(maneuver: Maneuver, end: float, step: float) -> Array:
-    """Ends of equal steps: where the drive is not smooth, and where a user's function jumps or is swift."""
+    """Return the bounds of parts with equal steps: times at which the drive is not smooth, or changes fast."""
     bounds = np.array([0.0, *(c for c in sorted(maneuver.breakpoints) if 0.0 < c < end), end])
     if not isinstance(maneuver, HubProfile | Torque):
         return bounds
@@ -134,40 +133,40 @@ def run_to_tolerance(
     rtol: float,
     atol: float,
 ) -> tuple[Motion, Run | None]:
-    """Integrate from t = 0 to the last of the instants.
+    """Integrate from t = 0 to the last requested time.
 
     Parameters
     ----------
     dynamics : ExactBeamDynamics
     maneuver : PrescribedMotion or TorqueDriven
     timepts : ndarray, k
-        Instants at which the motion is wanted, ascending, >= 0, s.
+        Requested times, ascending, >= 0, s.
     state : pair of ndarray, n
         Coordinates and velocities at t = 0.
     first_step : float
-        Longest step tried, s.
+        Longest step, s.
     rtol, atol : float
         Tolerance, relative to the largest tip displacement, and absolute, m.
 
     Returns
     -------
     Motion, and the run of which it is part
-        No run where the last of the instants is 0.
+        None instead of a run if the last time is 0.
 
     Raises
     ------
     SimulationError
-        The tolerance was not reached, or its beginning shows that the whole would take far too many steps.
+        If the tolerance is not reached, or a pilot run predicts far too many steps.
     """
     end = float(timepts[-1])
     if end == 0.0:
         q, v = state[0][None], state[1][None]
-        tip, states = dynamics.tip(q), partial(kept_states, q, v)
+        tip, states = dynamics.tip(q), partial(known_states, q, v)
         until = _small_until(dynamics, timepts, tip, (q, v))
         return Motion(np.imag(tip), until, states, 0.0, 0, ("initial state",)), None
     if end / first_step > _LONG:
-        tried = {"first_step": first_step, "rtol": rtol, "atol": atol}
-        pilot, _ = run_to_tolerance(dynamics, maneuver, np.array([end / _PILOT]), state, **tried)
+        options = {"first_step": first_step, "rtol": rtol, "atol": atol}
+        pilot, _ = run_to_tolerance(dynamics, maneuver, np.array([end / _PILOT]), state, **options)
         if _PILOT * pilot.steps > _HOPELESS * _MOST_STEPS:
             raise SimulationError(
                 f"the motion until t = {end:g} s would take about {_PILOT * pilot.steps:.1e} steps; expected at most about "
@@ -187,7 +186,9 @@ def run_to_tolerance(
         except _TooManyError:
             break
         if previous is not None:
-            difference = here.apart(previous)  # the error of twice the step, which is more than that of this one
+            difference = here.distance(
+                previous
+            )  # the error with twice the step, an upper bound on the error of this run
             stuck = stuck + 1 if difference > _STUCK * error else 0
             error = difference
             if error <= atol + rtol * here.largest(radius):
@@ -195,7 +196,7 @@ def run_to_tolerance(
                 motion = Motion(
                     tip=np.imag(dynamics.tip(result[0])),
                     small_deformation_until=_small_until(dynamics, here.probes, here.tip, here.state),
-                    states=partial(kept_states, *result),
+                    states=partial(known_states, *result),
                     error=error,
                     steps=here.steps,
                     stages=("collocation of momenta",),
@@ -209,7 +210,7 @@ def run_to_tolerance(
 
 
 def _small_until(dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state: tuple[Array, Array]) -> float:
-    """Instant up to which the deformation is small, of the tip's positions and the states at k instants."""
+    """Return the time up to which the deformation is small, from tip positions and states at k times."""
     q, v = state
 
     def tip_rate(part: slice) -> Array:
@@ -219,16 +220,16 @@ def _small_until(dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state:
 
 
 def _steps(start: float, stop: float, step: float, timepts: Array, least: int) -> int:
-    """Number of steps between two corners; if equal steps can, they end at the instants wanted."""
+    """Return the number of steps between two breakpoints; if equal steps can, they end at the requested times."""
     count = max(least, int(np.ceil((stop - start) / step)))
     gaps = np.diff(np.unique([start, *timepts[(timepts > start) & (timepts < stop)], stop]))
-    # fraction of a step within which an instant is the end of a step
+    # fraction of a step within which a time coincides with the end of a step
     uniform = np.ptp(gaps) <= ALIKE * gaps[0] and gaps.size <= count
     return -(-count // gaps.size) * gaps.size if uniform else count
 
 
 def _at(trajectories: list[Trajectory], timepts: Array) -> tuple[Array, Array]:
-    """Coordinates and velocities at ``timepts``; at a corner, those of the trajectory that ends there."""
+    """Return coordinates and velocities at ``timepts``; at a breakpoint, from the trajectory that ends there."""
     ends = np.array([item.time[-1] for item in trajectories])
     which = np.minimum(np.searchsorted(ends, timepts), len(trajectories) - 1)
     parts = [interpolate(item, timepts[which == k]) for k, item in enumerate(trajectories)]
@@ -236,14 +237,14 @@ def _at(trajectories: list[Trajectory], timepts: Array) -> tuple[Array, Array]:
 
 
 def interpolate(trajectory: Trajectory, times: Array) -> tuple[Array, Array]:
-    """Coordinates and velocities within a run of equal steps.
+    """Interpolate coordinates and velocities within a run of equal steps.
 
     Parameters
     ----------
     trajectory
-        At least six states at equal distances in time.
+        At least six states, equally spaced in time.
     times
-        Instants within it, shape ``(m,)`` [s].
+        Times within it, shape ``(m,)`` [s].
 
     Returns
     -------
@@ -251,25 +252,25 @@ def interpolate(trajectory: Trajectory, times: Array) -> tuple[Array, Array]:
         Shapes ``(m, coordinates)``.
     """
     h = (trajectory.time[-1] - trajectory.time[0]) / (len(trajectory.time) - 1)
-    place = (times - trajectory.time[0]) / h
-    left = np.clip(np.floor(place).astype(int) - _WINDOW // 2 + 1, 0, len(trajectory.time) - _WINDOW)
+    position = (times - trajectory.time[0]) / h
+    left = np.clip(np.floor(position).astype(int) - _WINDOW // 2 + 1, 0, len(trajectory.time) - _WINDOW)
     half = 0.5 * (_WINDOW - 1)
     basis = _hermite_basis()
-    x = (place - left) / half - 1.0
+    x = (position - left) / half - 1.0
     values = legvander(x, 2 * _WINDOW - 1) @ basis
-    slopes = legvander(x, 2 * _WINDOW - 2) @ legder(basis) / (half * h)
+    derivatives = legvander(x, 2 * _WINDOW - 2) @ legder(basis) / (half * h)
     within = left[:, None] + np.arange(_WINDOW)
     known = np.concatenate([trajectory.q[within], half * h * trajectory.v[within]], axis=1)
-    q, v = (np.einsum("mj,mjn->mn", item, known) for item in (values, slopes))
-    near = np.abs(place - np.rint(place)) < ALIKE
-    ends = np.rint(place[near]).astype(int)
+    q, v = (np.einsum("mj,mjn->mn", item, known) for item in (values, derivatives))
+    near = np.abs(position - np.rint(position)) < ALIKE
+    ends = np.rint(position[near]).astype(int)
     q[near], v[near] = trajectory.q[ends], trajectory.v[ends]
     return q, v
 
 
 def _hermite_basis() -> Array:
-    """Legendre coefficients of the polynomials with unit value, then unit slope, at equal distances on [-1, 1]."""
+    """Return Legendre coefficients of polynomials with unit value, then unit derivative, at equal spacing on [-1, 1]."""
     points = np.linspace(-1.0, 1.0, _WINDOW)
     degree = 2 * _WINDOW - 1
-    slopes = legvander(points, degree - 1) @ legder(np.eye(degree + 1))
-    return np.linalg.inv(np.vstack([legvander(points, degree), slopes]))
+    derivatives = legvander(points, degree - 1) @ legder(np.eye(degree + 1))
+    return np.linalg.inv(np.vstack([legvander(points, degree), derivatives]))

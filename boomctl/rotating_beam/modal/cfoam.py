@@ -12,7 +12,7 @@ from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals
 
 
 class _Kinematics(NamedTuple):
-    """Kinematics of the p points at k instants; Su is ``S q_2'``; J is k x 2 x p x N."""
+    """Kinematics of the p points at k times; Su is ``S q_2'``; J is k x 2 x p x N."""
 
     J: Array
     Su: Array
@@ -26,7 +26,7 @@ class CompleteEquations(Equations):
 
     A point of the beam has the velocity ``J(q) y'`` in the hub's frame, with
     ``J = [[-v, f_1, -(S q_2)^T], [X, 0, f_2]]``, ``X = r_A + x + w_1 + w_c`` and ``v = f_2 q_2``, and the acceleration
-    ``J y'' + b``; the equations are ``J_h a + sum m J^T (J y'' + b) + C q' + K q = tau``, and nothing is left out.
+    ``J y'' + b``; the equations are ``J_h a + sum m J^T (J y'' + b) + C q' + K q = tau``, without truncation.
 
     Attributes
     ----------
@@ -79,14 +79,14 @@ class CompleteEquations(Equations):
         q1, q2, u1, u2 = y[:, 1 : n + 1], y[:, n + 1 :], rate[:, 1 : n + 1], rate[:, n + 1 :]
         speed = rate[:, :1]
         Sq, Su = _times(points.S, q2), _times(points.S, u2)
-        place = points.radius + q1 @ points.f1.T - 0.5 * np.einsum("kpi,ki->kp", Sq, q2)
+        reach = points.radius + q1 @ points.f1.T - 0.5 * np.einsum("kpi,ki->kp", Sq, q2)
         deflection, rising = q2 @ points.f2.T, u2 @ points.f2.T
         sliding = u1 @ points.f1.T - np.einsum("kpi,ki->kp", Sq, u2)
         J = np.zeros((y.shape[0], 2, points.mass.size, self.size))
-        J[:, 0, :, 0], J[:, 1, :, 0] = -deflection, place
+        J[:, 0, :, 0], J[:, 1, :, 0] = -deflection, reach
         J[:, 0, :, 1 : n + 1], J[:, 1, :, n + 1 :] = points.f1, points.f2
         J[:, 0, :, n + 1 :] = -Sq
-        along = -np.einsum("kpi,ki->kp", Su, u2) - 2.0 * speed * rising - speed**2 * place
+        along = -np.einsum("kpi,ki->kp", Su, u2) - 2.0 * speed * rising - speed**2 * reach
         across = 2.0 * speed * sliding - speed**2 * deflection
         return _Kinematics(J, Su, np.stack([along, across], axis=1))
 
@@ -148,7 +148,7 @@ def cfoam(integrals: ModalIntegrals, points: MassPoints, hub_inertia: float) -> 
 
 
 def _times(S: Array, q: Array) -> Array:
-    """``S q`` at all points and instants, k x p x n."""
+    """Return ``S q`` at all points and times, k x p x n."""
     p, n, _ = S.shape
     return (q @ S.reshape(p * n, n).T).reshape(-1, p, n)
 

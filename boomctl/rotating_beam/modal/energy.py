@@ -13,18 +13,18 @@ if TYPE_CHECKING:
 
 
 class Lagrangian(NamedTuple):
-    """What Lagrange's equations (23) of Bai et al. (2009) are derived from.
+    """Energies from which Lagrange's equations (23) of Bai et al. (2009) are derived.
 
     Attributes
     ----------
     kinetic : callable
         Kinetic energy [J] of coordinates and rates, N each, as CasADi expressions.
     stiffness, damping : ndarray or casadi.SX, N - 1 x N - 1
-        Of the beam's coordinates: the elastic energy is ``1/2 q^T K q``, Eq. (22).
+        Matrices over the beam's coordinates: the elastic energy is ``1/2 q^T K q``, Eq. (22).
     tip : ndarray, N - 1
         Row of the free end's transverse displacement.
     keeps_inertia_torque : bool
-        False: the hub's equation is without the terms in the rates, as in Eq. (40).
+        If False, the hub's equation omits the terms in the rates, as Eq. (40) does.
     """
 
     kinetic: "Callable[[casadi.SX, casadi.SX], casadi.SX]"
@@ -37,17 +37,17 @@ class Lagrangian(NamedTuple):
 def first_order_energy(
     integrals: ModalIntegrals, y: "casadi.SX", rate: "casadi.SX", *, stiffening: bool, axial: bool
 ) -> "casadi.SX":
-    """Kinetic energy to second order in the beam's coordinates, Eq. (21) of Bai et al. (2009) less its last integral.
+    """Return the kinetic energy to second order, Eq. (21) of Bai et al. (2009) without its last integral.
 
     Parameters
     ----------
     integrals : ModalIntegrals
     y, rate : casadi.SX, N
-        Coordinates (hub angle, axial ones if there are, transverse ones) and their rates.
+        Coordinates (hub angle, axial coordinates if any, transverse coordinates) and their rates.
     stiffening : bool
-        Whether D is kept: TLAM leaves it out.
+        Include D; TLAM omits it.
     axial : bool
-        Whether there are axial coordinates.
+        True if there are axial coordinates.
 
     Returns
     -------
@@ -68,7 +68,7 @@ def first_order_energy(
 
 
 def complete_energy(points: MassPoints, hub_inertia: float, y: "casadi.SX", rate: "casadi.SX") -> "casadi.SX":
-    """All of the kinetic energy, Eqs. (3), (8) and (9) of Bai et al. (2009) with (7) and (9) mended.
+    """Return the full kinetic energy, Eqs. (3), (8) and (9) of Bai et al. (2009) with (7) and (9) corrected.
 
     Parameters
     ----------
@@ -90,10 +90,10 @@ def complete_energy(points: MassPoints, hub_inertia: float, y: "casadi.SX", rate
     w, q1, q2, u1, u2 = rate[0], y[1 : n + 1], y[n + 1 :], rate[1 : n + 1], rate[n + 1 :]
     energy = 0.5 * hub_inertia * w**2
     for mass, radius, f1, f2, S in zip(points.mass, points.radius, points.f1, points.f2, points.S, strict=True):
-        place = radius + ca.dot(f1, q1) - 0.5 * ca.bilin(S, q2, q2)
+        reach = radius + ca.dot(f1, q1) - 0.5 * ca.bilin(S, q2, q2)
         sliding = ca.dot(f1, u1) - ca.bilin(S, q2, u2)
         along = sliding - w * ca.dot(f2, q2)
-        across = ca.dot(f2, u2) + w * place
+        across = ca.dot(f2, u2) + w * reach
         energy += 0.5 * mass * (along**2 + across**2)
     return energy
 
@@ -147,8 +147,8 @@ def state_function(lagrangian: Lagrangian, name: str, constants: "casadi.SX | No
     x = ca.vertcat(y, rate)
     state = ca.SX.sym("x", 2 * size)
     xdot, outputs = ca.substitute([xdot, outputs], [x], [state])
-    given = [state, torque, ca.SX(0, 1) if constants is None else constants]
-    return ca.Function(name, given, [xdot, outputs], ["x", "torque", "constants"], ["xdot", "y"])
+    arguments = [state, torque, ca.SX(0, 1) if constants is None else constants]
+    return ca.Function(name, arguments, [xdot, outputs], ["x", "torque", "constants"], ["xdot", "y"])
 
 
 def _solve_beam(mass: "casadi.SX", right: "casadi.SX") -> "casadi.SX":

@@ -1,7 +1,7 @@
-"""What every model of the hub-beam offers to the solvers: its equations of motion, vectorised over instants.
+"""Equations of motion of the hub-beam models, as the solvers use them, vectorized over times.
 
 The coordinates are ``y = (theta, q)``: the hub angle, then the beam's (axial, if the model has them, then transverse).
-All arrays have the instants as their first dimension, k of them; N is the number of coordinates.
+The first dimension of all arrays is time, with k times; N is the number of coordinates.
 """
 
 from abc import ABC, abstractmethod
@@ -44,8 +44,8 @@ class Inertia(NamedTuple):
     ----------
     hub : ndarray, k
     coupling : ndarray, k x (N - 1)
-    beam : ndarray, (N - 1) x (N - 1), the same at all instants, or k x (N - 1) x (N - 1)
-        Positive definite always.
+    beam : ndarray, (N - 1) x (N - 1), the same at all times, or k x (N - 1) x (N - 1)
+        Always positive definite.
     """
 
     hub: Array
@@ -112,16 +112,16 @@ class FreeHubForm(NamedTuple):
         Of everything, undeformed, kg m^2.
     to_q : ndarray, n x n
     lean : ndarray, n
-        Hub angle that goes with x where the angular momentum is zero.
+        Hub angle over x at zero angular momentum.
     softest : float
         Lowest eigenvalue of the stiffness, rad^2/s^2.
     stiffness, slope, gyro, damping : ndarray, n x n
         The third is skew.
     axial : ndarray, n
     keeps_inertia_torque : bool
-        Whether the last term of h is there.
+        True if h has its last term.
     has_axial : bool
-        Whether `gyro` and `axial` are there at all.
+        True if the model has axial modes, with the terms `gyro` and `axial`.
     decay : float
         Largest decay rate of any motion, 1/s; 0 without damping.
     """

@@ -1,6 +1,6 @@
 """TLAM, SFOAM and FOAM: one closed form, for their kinetic energy is of second order in the beam's coordinates.
 
-They differ in its matrices: FOAM has them all, SFOAM no axial coordinates, TLAM no shortening that goes with bending.
+They differ in its matrices: FOAM has all of them, SFOAM no axial coordinates, TLAM no shortening due to bending.
 """
 
 from dataclasses import dataclass, replace
@@ -26,7 +26,7 @@ from boomctl.rotating_beam.modal.integrals import ModalIntegrals
 @final
 @dataclass(frozen=True)
 class FirstOrderEquations(Equations):
-    """Equations of motion of TLAM, SFOAM and FOAM, Eqs. (24)-(34), (40) and (42) of Bai et al. (2009), print mended.
+    """Equations of motion of TLAM, SFOAM, FOAM: Eqs. (24)-(34), (40), (42) of Bai et al. (2009), misprints corrected.
 
     With all the beam's coordinates in q, hub speed w and hub acceleration a the kinetic energy is
     ``T = 1/2 w^2 (J + 2 V q + q^T N q) + w (W q' + q^T B q') + 1/2 q'^T M q'``, B skew, and the equations are
@@ -41,7 +41,7 @@ class FirstOrderEquations(Equations):
     M, N, B, C, K : ndarray, n x n
     V, W : ndarray, n
     keeps_inertia_torque : bool
-        Whether the hub's equation has the term ``Q_theta = -2 w (V q' + q^T N q')``; SFOAM as printed leaves it out.
+        True if the hub's equation has the term ``Q_theta = -2 w (V q' + q^T N q')``; SFOAM as printed omits it.
     has_axial : bool
         Whether B and V are there at all; otherwise no operation is spent on them.
     tip : Tip
@@ -65,7 +65,7 @@ class FirstOrderEquations(Equations):
 
     @cached_property
     def normal_form(self) -> NormalForm | None:
-        """With axial modes or damping there are terms that the form has no place for."""
+        """Form without axial modes and damping; None with either, whose terms it does not contain."""
         terms = self.beam_speed_terms
         if np.any(terms.G) or np.any(terms.C) or np.any(terms.K_a) or np.any(terms.f_w):
             return None
@@ -189,13 +189,13 @@ def sfoam(integrals: ModalIntegrals, *, consistent: bool = False) -> FirstOrderE
     ----------
     integrals : ModalIntegrals
     consistent : bool
-        Keep ``Q_theta`` of Eq. (32), which Eq. (40) leaves out: energy and angular momentum are then conserved.
+        Include ``Q_theta`` of Eq. (32), which Eq. (40) omits: energy and angular momentum are then conserved.
     """
     return replace(without_axial_modes(foam(integrals)), keeps_inertia_torque=consistent)
 
 
 def without_axial_modes(equations: FirstOrderEquations) -> FirstOrderEquations:
-    """Return the equations of a beam that does not stretch: those of the transverse coordinates, which are the last half."""
+    """Return the equations of an inextensible beam: the transverse coordinates, which are the last half."""
     n = len(equations.M) // 2
     tip = equations.tip
     return replace(

@@ -1,7 +1,7 @@
 """A hub-beam under forces on hub and tip, in the modes of its linear part with the hub free, as CasADi functions.
 
-With mass-normalized modes ``(theta, q) = V z`` the equations are ``z'' + Omega^2 z = r(z, z', u)``: all that the linear
-vibration at rest leaves out stands on the right.
+With mass-normalized modes ``(theta, q) = V z`` the equations are ``z'' + Omega^2 z = r(z, z', u)``; the right-hand side
+contains all terms except the linear undamped vibration about rest.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 
     from boomctl.lti.system import Lti
 
-_ZERO = 1e-14  # entry of a constant matrix, over its largest, that is a rounded zero
+_ZERO = 1e-14  # Entry of a constant matrix, relative to its largest, below which it is treated as zero.
 
 
-class Place(NamedTuple):
+class Point(NamedTuple):
     """A point of the deformed beam, of CasADi coordinates q.
 
     Attributes
@@ -50,7 +50,7 @@ class Place(NamedTuple):
     stretch: casadi.SX
 
 
-Places = Callable[["casadi.SX", float], Place]
+PointMap = Callable[["casadi.SX", float], Point]
 """From coordinates of the beam and a distance from the clamp [m] to the point there."""
 
 
@@ -64,7 +64,7 @@ class Moved(NamedTuple):
     beam : casadi.SX
         Of the beam's coordinates.
     rest : casadi.SX
-        Modal accelerations less those of the linear vibration.
+        Modal accelerations without the linear vibration.
     margin : casadi.SX
         Positive where the mass matrix is positive definite.
     """
@@ -75,7 +75,7 @@ class Moved(NamedTuple):
     margin: casadi.SX
 
 
-Law = Callable[["RestModes", "casadi.SX", "casadi.SX", "casadi.SX", "casadi.SX", Place], Moved]
+Law = Callable[["RestModes", "casadi.SX", "casadi.SX", "casadi.SX", "casadi.SX", Point], Moved]
 """From modes at rest, modal coordinates and rates, a torque [N m] and a force [N] across the free end, and that end to the
 accelerations."""
 
@@ -125,7 +125,7 @@ def rest_modes(mass: Array, damping: Array, stiffness: Array) -> RestModes:
 def forced_modes(
     small: tuple[Array, Array, Array, Array],
     law: Law,
-    places: Places,
+    point_at: PointMap,
     parameters: HubBeamParameters,
     states: tuple[str, ...],
     sensors: Sequence[BeamSensor],
@@ -137,7 +137,7 @@ def forced_modes(
     small : tuple of ndarray
         Mass, damping, stiffness of small motion about rest, as a beam's ``_small_motion(0.0)`` returns them.
     law : Law
-    places : Places
+    point_at : PointMap
     parameters : HubBeamParameters
     states : tuple of str
         Names.
@@ -152,12 +152,12 @@ def forced_modes(
     z, rate = state[:size], state[size:]
     q, q_rate = _times(modes.shapes, z[1:]), _times(modes.shapes, rate[1:])
     coordinates = ca.SX.sym("q", size - 1)
-    moved = law(modes, z, rate, u[0] + u[1], u[2], _at(places(coordinates, p.length), coordinates, q))
+    moved = law(modes, z, rate, u[0] + u[1], u[2], _at(point_at(coordinates, p.length), coordinates, q))
     angle, speed = _row(modes.V[0], z), _row(modes.V[0], rate)
 
     def acceleration(x: float) -> casadi.SX:
         """Absolute, across the beam: of the point ``along + i across`` in the frame that turns."""
-        here = places(coordinates, x)
+        here = point_at(coordinates, x)
         both, rates, second = (
             ca.vertcat(here.along, here.across),
             ca.SX.sym("rates", size - 1),
@@ -171,7 +171,7 @@ def forced_modes(
     def reading(sensor: BeamSensor) -> casadi.SX:
         if sensor.quantity == "acceleration":
             return acceleration(sensor.position)
-        here = _at(places(coordinates, sensor.position), coordinates, q)
+        here = _at(point_at(coordinates, sensor.position), coordinates, q)
         if sensor.quantity == "strain":
             return here.stretch - (sensor.height or 0.0) * here.curvature
         if sensor.quantity == "moment":
@@ -182,7 +182,7 @@ def forced_modes(
     standard = (angle, speed, reading(tip), reading(root), acceleration(p.length))
     outputs = ca.vertcat(*standard, *(reading(sensor) for sensor in sensors))
     row = np.array(
-        ca.DM(ca.substitute(ca.jacobian(places(coordinates, p.length).across, coordinates), coordinates, 0.0))
+        ca.DM(ca.substitute(ca.jacobian(point_at(coordinates, p.length).across, coordinates), coordinates, 0.0))
     )
     reach, V, M = p.hub_radius + p.length, modes.V, np.linalg.inv(modes.V)
     on_tip = np.concatenate([[reach], row.ravel()])
@@ -212,9 +212,9 @@ def linearized(modes: MachineModes, state: Array) -> Lti:
     z, u = ca.SX.sym("z", 2 * m), ca.SX.sym("u", len(modes.input_labels))
     moved = ca.vertcat(z[m:], modes.rest(z, u) - ca.DM(modes.omega**2) * z[:m])
     both = ca.vertcat(moved, modes.read(z, u)[0])
-    slopes = ca.Function("slopes", [z, u], [ca.densify(ca.jacobian(both, z)), ca.densify(ca.jacobian(both, u))])
+    jacobians = ca.Function("jacobians", [z, u], [ca.densify(ca.jacobian(both, z)), ca.densify(ca.jacobian(both, u))])
     by_state, by_input = (
-        np.array(item) for item in slopes(modes.from_state @ state, np.zeros(len(modes.input_labels)))
+        np.array(item) for item in jacobians(modes.from_state @ state, np.zeros(len(modes.input_labels)))
     )
     T, S = modes.to_state, modes.from_state
     A, B, C, D = T @ by_state[: 2 * m] @ S, T @ by_input[: 2 * m], by_state[2 * m :] @ S, by_input[2 * m :]
@@ -223,14 +223,14 @@ def linearized(modes: MachineModes, state: Array) -> Lti:
     )
 
 
-def shape_places(parameters: HubBeamParameters, count: int, *, axial: bool, shortening: bool) -> Places:
-    """Return the points of a beam of assumed modes: axial coordinates, if there are, then transverse ones."""
+def shape_points(parameters: HubBeamParameters, count: int, *, axial: bool, shortening: bool) -> PointMap:
+    """Return the point map of a beam of assumed modes, over axial coordinates, if any, then transverse coordinates."""
     import casadi as ca
 
     p = parameters
     along, across = axial_modes(count, p.length), transverse_modes(count, p.length)
 
-    def place(q: casadi.SX, x: float) -> Place:
+    def point(q: casadi.SX, x: float) -> Point:
         q2 = q[-count:]
         position, stretch = ca.SX(p.hub_radius + x), ca.SX(0.0)
         if shortening:
@@ -239,19 +239,19 @@ def shape_places(parameters: HubBeamParameters, count: int, *, axial: bool, shor
             position += _row(along(x), q[:count])
             stretch = _row(along(x, 1), q[:count])
         deflection, slope, curvature = (_row(across(x, k), q2) for k in range(3))
-        return Place(position, deflection, slope, curvature, stretch)
+        return Point(position, deflection, slope, curvature, stretch)
 
-    return place
+    return point
 
 
 def first_order_law(equations: FirstOrderEquations) -> Law:
     """Return TLAM, SFOAM or FOAM in modal coordinates, the accelerations in closed form.
 
     With ``j = 2 V x + x^T N x`` and ``c = -B x`` in modes, h the hub's right side and g the beam's, hub acceleration a and
-    ``s = c x''`` obey two linear equations; the derivation is that of `motion.free_modes`, forces on the tip added.
+    ``s = c x''`` obey two linear equations, as in `motion.free_modes`, with forces on the tip.
     """
 
-    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place) -> Moved:
+    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Point) -> Moved:
         import casadi as ca
 
         P, lean, e = modes.shapes, modes.lean, equations
@@ -260,7 +260,7 @@ def first_order_law(equations: FirstOrderEquations) -> Law:
         w = _row(modes.V[0], rate)
         square, bent = w * w, _times(N, x)
         back = ca.DM(modes.squares) * x
-        # the beam's right side, less that of the linear vibration
+        # the beam's right-hand side without the linear vibration
         g = square * bent + force * ca.DM(P.T @ e.tip.transverse)
         hub = torque + force * tip.along
         if np.any(e.C):
@@ -294,30 +294,30 @@ def first_order_law(equations: FirstOrderEquations) -> Law:
     return law
 
 
-def lagrangian_law(lagrangian: Lagrangian, places: Places, length: float) -> Law:
+def lagrangian_law(lagrangian: Lagrangian, point_at: PointMap, length: float) -> Law:
     """Return any model in modal coordinates, its accelerations derived from its energies."""
 
-    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Place) -> Moved:
+    def law(modes: RestModes, z: casadi.SX, rate: casadi.SX, torque: casadi.SX, force: casadi.SX, tip: Point) -> Moved:
         import casadi as ca
 
         size = modes.lean.size + 1
         y, y_rate, forces, result, margin = accelerations(lagrangian)
-        across = places(y[1:], length).across
+        across = point_at(y[1:], length).across
         on_beam = force * ca.gradient(across, y[1:])
         acting = ca.substitute(ca.vertcat(torque + force * tip.along, on_beam), y, _times(modes.V, z))
-        given, wanted = ca.vertcat(y, y_rate, forces), ca.vertcat(_times(modes.V, z), _times(modes.V, rate), acting)
-        second, margin = ca.substitute([result, margin], [given], [wanted])
+        symbols, wanted = ca.vertcat(y, y_rate, forces), ca.vertcat(_times(modes.V, z), _times(modes.V, rate), acting)
+        second, margin = ca.substitute([result, margin], [symbols], [wanted])
         rest = _times(np.linalg.inv(modes.V), second) + ca.vertcat(0.0, ca.DM(modes.squares) * z[1:])
         return Moved(second[0], second[1:size], rest, margin)
 
     return law
 
 
-def _at(place: Place, coordinates: casadi.SX, q: casadi.SX) -> Place:
+def _at(point: Point, coordinates: casadi.SX, q: casadi.SX) -> Point:
     """Return a point at other coordinates."""
     import casadi as ca
 
-    return Place(*(ca.substitute(item, coordinates, q) for item in place))
+    return Point(*(ca.substitute(item, coordinates, q) for item in point))
 
 
 def _times(matrix: Array, vector: casadi.SX) -> casadi.SX:

@@ -56,7 +56,7 @@ class ModalIntegrals:
 
 @dataclass(frozen=True)
 class MassPoints:
-    """The beam's mass in Gauss points, and the point mass as one more: what integrals of fourth order are summed over.
+    """Mass of the beam at Gauss points and the point mass, for sums that represent integrals of fourth order.
 
     Attributes
     ----------
@@ -82,10 +82,10 @@ class MassPoints:
 def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals:
     """Compute the modal integrals to 1e-12 or better for up to 200 modes.
 
-    All entries are as exact relative to themselves, but for those of D far off the diagonal, which are small
-    differences: they are relative to ``sqrt(D_ii D_jj)``.
+    The accuracy is relative to each entry, except for entries of D far from the diagonal, which are small differences: it
+    is relative to ``sqrt(D_ii D_jj)``.
 
-    ``M, K, V, S`` have closed forms, as has R but for its diagonal; that and D are summed over Gauss points, with the
+    ``M, K, V, S`` and R except its diagonal have closed forms; the diagonal and D are summed over Gauss points, with the
     order of integration in D swapped: ``D = int f_2'^T f_2' [int_x^L rhoA (r_A + s) ds] dx``.
 
     Parameters
@@ -96,9 +96,9 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
     """
     p = parameters
     f1, f2 = axial_modes(modes, p.length), transverse_modes(modes, p.length)
-    line, mass, place = p.mass_per_length, p.tip_mass, p._mass_position
-    radius = p.hub_radius + place
-    at1, at2 = f1(place), f2(place)
+    line, mass, position = p.mass_per_length, p.tip_mass, p._mass_position
+    radius = p.hub_radius + position
+    at1, at2 = f1(position), f2(position)
 
     M1 = 0.5 * line * p.length * np.eye(modes) + mass * np.outer(at1, at1)
     M2 = line * p.length * np.eye(modes) + mass * np.outer(at2, at2)
@@ -109,8 +109,8 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
 
     x, weights = gauss_points(p.length, 0.5 * f2.wavenumbers[-1] * p.length)
     outside = line * (p.hub_radius * (p.length - x) + 0.5 * (p.length - x) * (p.length + x))
-    slopes = f2(x, 1)
-    D = slopes.T @ ((weights * outside)[:, None] * slopes) + mass * radius * f2.shortening(place)
+    derivatives = f2(x, 1)
+    D = derivatives.T @ ((weights * outside)[:, None] * derivatives) + mass * radius * f2.shortening(position)
     R = line * _overlap(f1, f2, x, weights) + mass * np.outer(at1, at2)
     C1, C2 = (_modal_damping(M, K, p.damping_ratio) for M, K in ((M1, K1), (M2, K2)))
     return ModalIntegrals(
@@ -121,7 +121,7 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
 
 
 def mass_points(parameters: HubBeamParameters, modes: int) -> MassPoints:
-    """Place the beam's mass in Gauss points that sum products of four slopes exactly to rounding.
+    """Place the beam's mass in Gauss points that sum products of four derivatives exactly to rounding.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from boomctl.arrays import Array
 class TransverseModes:
     """Bending modes of a clamped-free Euler-Bernoulli beam: ``int_0^L f^2 dx = L``, +2 and -2 in turn at the free end.
 
-    The textbook form ``cosh - cos - s (sinh - sin)`` loses all digits beyond the twelfth mode; here it is written as
+    The textbook form ``cosh - cos - s (sinh - sin)`` loses all significant digits above mode 12; here it is written as
     ``a exp(-b x) + c exp(-b (L - x)) - cos(b x) + s sin(b x)``.
 
     Attributes

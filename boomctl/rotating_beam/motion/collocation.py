@@ -20,9 +20,9 @@ from boomctl.progress import tell
 from boomctl.rotating_beam.modal.equations import Tangents
 from boomctl.rotating_beam.motion.problems import Problem
 
-WINDOW = 64  # steps solved at once: a choice; 8 take half as long again, 256 no less (measured, a torque on SFOAM)
-_ITERATIONS = 12  # of Newton's method: it takes one to three (measured), more only in a window that is too long
-_SMALLEST_STEP = 1e-7  # of the whole time: where shorter ones fail too, there is no solution
+WINDOW = 64  # Steps solved at once; with 8 a run takes half as long again, 256 gain nothing.
+_ITERATIONS = 12  # Most iterations of Newton's method: one to three are normal, more mean that the window is too long.
+_SMALLEST_STEP = 1e-7  # Shortest step relative to the full duration; if it fails, there is no solution.
 
 
 @final
@@ -48,34 +48,34 @@ class Trajectory:
     stages: Array
 
     def __call__(self, timepts: Array) -> tuple[Array, Array]:
-        """Coordinates and rates at instants within the steps, each k x n.
+        """Interpolate coordinates and rates at times within the steps, k x n each.
 
-        The rates are interpolated between ends and nodes; the coordinates are the integral of that, so that both agree
-        with the values at the ends.
+        The rates are interpolated between ends and nodes; the coordinates are the integral of the rates, so that both match
+        the values at the ends.
         """
         timepts = np.asarray(timepts, dtype=float)
         step = np.clip(np.searchsorted(self.edges, timepts, side="right") - 1, 0, self.edges.size - 2)
         length = np.diff(self.edges)
-        place = 2.0 * (timepts - self.edges[step]) / length[step] - 1.0
+        position = 2.0 * (timepts - self.edges[step]) / length[step] - 1.0
         coefficients = self._rate_coefficients()[step]
         degree = self.method.stages + 1
-        v = np.einsum("kj,kjn->kn", legendre.legvander(place, degree), coefficients)
-        moved = np.einsum("kj,kjn->kn", integrated_legendre(place, degree), coefficients)
+        v = np.einsum("kj,kjn->kn", legendre.legvander(position, degree), coefficients)
+        moved = np.einsum("kj,kjn->kn", integrated_legendre(position, degree), coefficients)
         return self.q[step] + 0.5 * length[step, None] * moved, v
 
-    def at_places(self, places: tuple[float, ...]) -> Array:
-        """Coordinates at the same places of every step, given on [0, 1]; steps x places x n."""
-        moved = integrated_legendre(2.0 * np.array(places) - 1.0, self.method.stages + 1)
+    def at_positions(self, positions: tuple[float, ...]) -> Array:
+        """Return coordinates at the same relative positions in [0, 1] of every step; steps x positions x n."""
+        moved = integrated_legendre(2.0 * np.array(positions) - 1.0, self.method.stages + 1)
         length = np.diff(self.edges)[:, None, None]
         return self.q[:-1, None] + 0.5 * length * (moved @ self._rate_coefficients())
 
     def highest_terms(self) -> Array:
-        """What the two highest Legendre terms of its rates move each coordinate in a step, m x n."""
+        """Return the contribution of the two highest Legendre terms of the rates to each coordinate in a step, m x n."""
         highest = np.abs(self._rate_coefficients()[:, -2:]).max(axis=1)
         return 0.5 * np.diff(self.edges)[:, None] * highest
 
     def stage_rates(self, edges: Array) -> Array:
-        """Rates at the nodes of other steps over the same time, for a finer solution to start from."""
+        """Return rates at the nodes of other steps over the same time, as start of a finer solution."""
         nodes = edges[:-1, None] + np.diff(edges)[:, None] * self.method.nodes
         _, v = self(nodes.ravel())
         return v.reshape(*nodes.shape, -1)
@@ -105,7 +105,7 @@ def march(
 ) -> Trajectory:
     """Solve the collocation equations over all steps, a window of steps at a time.
 
-    Where Newton's method fails the window shrinks to one step, and then the step is halved.
+    If Newton's method fails, the window shrinks to one step, and then the step is halved.
 
     Parameters
     ----------
@@ -123,29 +123,29 @@ def march(
     Raises
     ------
     SimulationError
-        If the equations have no solution from some instant on: halving the step does not help.
+        If the equations have no solution from some time on, even after the step is halved.
     """
     smallest = _SMALLEST_STEP * (edges[-1] - edges[0])
-    pieces, ends, first, wanted = [], [edges[:1]], 0, WINDOW
+    windows, ends, first, wanted = [], [edges[:1]], 0, WINDOW
     q, v = start
     while first < edges.size - 1:
         tell("steps", first, edges.size - 1)
         last = min(first + wanted, edges.size - 1)
         here = edges[first : last + 1]
-        piece = _solve_window(problem, method, here, (q, v), guess, tolerance)
-        if piece is not None:
-            pieces.append(piece)
+        window = _solve_window(problem, method, here, (q, v), guess, tolerance)
+        if window is not None:
+            windows.append(window)
             ends.append(here[1:])
-            q, v, first, wanted = piece.q[-1], piece.v[-1], last, min(2 * wanted, WINDOW)
+            q, v, first, wanted = window.q[-1], window.v[-1], last, min(2 * wanted, WINDOW)
         elif last - first > 1:
             wanted = max(1, (last - first) // 4)
         elif here[1] - here[0] < smallest:
             raise SimulationError(problem.why(float(here[0])))
         else:
             edges = np.insert(edges, first + 1, 0.5 * (here[0] + here[1]))
-    q = np.concatenate([pieces[0].q[:1], *(piece.q[1:] for piece in pieces)])
-    v = np.concatenate([pieces[0].v[:1], *(piece.v[1:] for piece in pieces)])
-    return Trajectory(method, np.concatenate(ends), q, v, np.concatenate([piece.stages for piece in pieces]))
+    q = np.concatenate([windows[0].q[:1], *(window.q[1:] for window in windows)])
+    v = np.concatenate([windows[0].v[:1], *(window.v[1:] for window in windows)])
+    return Trajectory(method, np.concatenate(ends), q, v, np.concatenate([window.stages for window in windows]))
 
 
 def _solve_window(

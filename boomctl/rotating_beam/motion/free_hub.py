@@ -1,8 +1,8 @@
-"""Motion under a torque: windows one after another, each swept in two orders whose difference is the error.
+"""Motion under a torque: consecutive windows, each solved by sweeps in two orders whose difference is the error.
 
-Both orders go their own way from t = 0, so that their difference is the error of the lower one with all that it causes
-later; the motion of the higher one is returned. A fast mode follows the slow ones without being resolved; what its own
-vibration would do to them is bounded, and where the bound is too large the steps become short enough for that mode.
+The two orders are integrated separately from t = 0, so that their difference is the global error of the lower order; the
+motion of the higher order is returned. A fast mode follows the slow modes without being resolved. The effect of its free
+vibration on the slow modes is bounded, and if the bound is too large the steps are shortened to resolve the mode.
 """
 
 from collections.abc import Callable
@@ -16,46 +16,45 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.rotating_beam.drive import even_instants, off_polynomials
+from boomctl.rotating_beam.drive import even_times, polynomial_errors
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
 from boomctl.rotating_beam.motion.oscillators import FAST, coordinates, flow
 from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.motion.sweeps import Swept, settle
-from boomctl.rotating_beam.motion.trajectory import FreeTrajectory, Piece
+from boomctl.rotating_beam.motion.trajectory import FreeTrajectory, WindowMotion
 
-STEPS = 64  # of a window: a choice; 48 take up to twice as long with five modes (measured, a torque on SFOAM)
-_MOST_STEPS = 256  # of a window where corners are even: a choice, for one of so many takes half of the time of four
-STAGES = 10, 12  # nodes of a step in the two orders, 20 and 24: a choice; 8 and 10 take up to twice as long (measured)
+STEPS = 64  # Steps of a window; with 48 a torque on SFOAM with five modes takes up to twice as long.
+_MOST_STEPS = 256  # Most steps of a window if breakpoints are equally spaced: it takes half the time of four windows.
+STAGES = 10, 12  # Nodes of a step in the two orders, 20 and 24; 8 and 10 take up to twice as long.
 
-# Of the lowest mode in a step of the first window at a tolerance of one: a choice, the error tells for the others.  It falls
-# with the tolerance as lengths do; with 1 at every tolerance loose ones take up to twice as long (measured).
+# Phase of the lowest mode in a step of the first window at a tolerance of 1; the error determines the next steps.  It falls
+# with the tolerance as the window lengths do.
 _FIRST_PHASE = 6.0
-_SETTLED = 0.2  # of the error that a window may add, for what its sweeps leave
-_ROUNDING = 1e-14  # of the largest displacement or torque: less is rounding
-_LOCAL = 0.3  # of the allowed error that all windows together may add
-_LEAST_LOCAL = 0.05  # part of this that the shortest window may add
-_UNSEEN = 0.3  # of the allowed error for what the vibrations of fast modes would do
-_ORDER = 12.0  # power of the window's length with which its error goes: less than the 20 of smooth forces, to be safe
-_CAUTION = 0.9  # of the length that this promises
-_GROWTH = 0.2, 2.0  # bounds of a window's length over that of the one before
-_MANY_SWEEPS = 25  # for which a window is long enough: more, and two windows of half the length take fewer (measured)
-_RELAXED = 8  # windows after which steps that are short for the sake of a fast mode may become longer again
-_SMALLEST = 1e-6  # of the whole time: where the sweeps of shorter windows do not settle either, they are given up
-_MOST_WINDOWS = 600  # where a motion is given up: as many steps as plain collocation may take, which then does better
-_MORE_WINDOWS = (
-    4.0  # more of them for every window whose steps are a radian of the lowest mode, and for every corner: a choice
-)
-_RESOLVED = 4.0  # times as many windows as it takes to see a fast mode at all, to follow it: measured, axial modes
-_DECAYED = 300.0  # decay rate times length of a window at most: its exponential and its inverse are then finite
-_SEEN = 1e-12  # of the largest torque: less, at an even instant, is rounding of a polynomial
-_INSIDE = 1e-4  # of a step: so near to its ends a torque is looked at for what the nodes have not seen
-_TIGHTER = 0.1  # factor of the error allowed in a window when all together have missed the tolerance
-_ATTEMPTS = 3  # with ever tighter windows
+_SETTLED = 0.2  # Fraction of the error allowed in a window, allotted to its sweeps.
+_ROUNDING = 1e-14  # Rounding error, relative to the largest displacement or torque.
+_LOCAL = 0.3  # Fraction of the allowed error, allotted to all windows together.
+_LEAST_LOCAL = 0.05  # Fraction of this, allotted to the shortest window.
+_VIBRATION = 0.3  # Fraction of the allowed error, allotted to the vibrations of fast modes.
+_ORDER = 12.0  # Order of the error in the window's length: below the 20 of smooth forces, to be conservative.
+_CAUTION = 0.9  # Factor on the predicted length.
+_GROWTH = 0.2, 2.0  # Bounds on the ratio of the lengths of consecutive windows.
+_MANY_SWEEPS = 25  # Sweeps above which a window is not lengthened: two windows of half the length then take fewer.
+_RELAXED = 8  # Windows after which steps that are short because of a fast mode may become longer again.
+_SMALLEST = 1e-6  # Shortest window relative to the full duration, for sweeps that do not converge.
+_MOST_WINDOWS = 600  # Most windows of a motion: as many steps as plain collocation may take, which is then faster.
+# Further windows for every window whose steps are a radian of the lowest mode, and for every breakpoint.
+_MORE_WINDOWS = 4.0
+_RESOLVED = 4.0  # Ratio of the windows that resolve a fast axial mode to the windows at which it counts as slow.
+_DECAYED = 300.0  # Largest decay rate times length of a window: its exponential and the inverse are finite.
+_FLAT = 1e-12  # Deviation at a sampled time, relative to the largest torque, below which it is a rounding error.
+_INSIDE = 1e-4  # Distance to the ends of a step, over the step, at which a torque is sampled in addition to the nodes.
+_TIGHTER = 0.1  # Factor on the error allowed in a window after all windows together exceeded the tolerance.
+_ATTEMPTS = 3  # Attempts, with ever tighter windows.
 
 
 class _Weights(NamedTuple):
-    """What modal states mean for what is watched: displacements of the free end, and hub angle times its radius.
+    """Watched displacements as functions of modal states: of the free end, and hub angle times its radius.
 
     Attributes
     ----------
@@ -64,9 +63,9 @@ class _Weights(NamedTuple):
     hub : ndarray, 1 + n
         Hub angle times radius over modal coordinates.
     sizes : ndarray, 2 x (1 + n)
-        Largest value of each that goes with a state of size 1, m.
+        Largest value of each for a state of modulus 1, m.
     speed : ndarray, 1 + n
-        What modal rates do to the hub angle times radius by the end, s m.
+        Change of hub angle times radius until the end over modal rates, s m.
     """
 
     rows: Array
@@ -75,70 +74,70 @@ class _Weights(NamedTuple):
     speed: Array
 
     def peaks(self, z: Array) -> Array:
-        """Largest value of each at the nodes, 2."""
+        """Return the largest value of each at the nodes, 2."""
         return np.array([np.abs(self.rows @ z).max(), np.abs(self.hub @ z).max()])
 
 
 class _Window(NamedTuple):
-    """A window that was swept in both orders.
+    """Window solved in both orders.
 
     Attributes
     ----------
-    piece : Piece
+    motion : WindowMotion
     sweeps : int
     peaks : ndarray, 2
-        Of displacements and of hub angle times radius, m.
+        Largest displacement and hub angle times radius, m.
     errors, added : ndarray, 3
-        Difference of the orders in these and in the hub's mean speed, as hub angle times radius at the end, m; and what
-        the window has added to it, as the linear motion carries it on.
-    hidden, unseen : ndarray, 2
-        What a user's torque may have hidden between the nodes, and what fast modes would add, m.
+        Difference of the orders in these and in the hub's mean speed, as hub angle times radius at the end, m; and the
+        difference that arises in the window, without the part propagated from its start by the linear motion.
+    between, vibration : ndarray, 2
+        Error bounds for a user's torque between the nodes, and for the vibrations of fast modes, m.
     needed : float
-        Length of a step at which the fast mode that would do most is resolved, s.
+        Length of a step at which the fast mode of the largest effect is resolved, s.
     states : ndarray, 2 x 2 x (1 + n)
         At the window's end, as in `_Run`.
     """
 
-    piece: Piece
+    motion: WindowMotion
     sweeps: int
     peaks: Array
     errors: Array
     added: Array
-    hidden: Array
-    unseen: Array
+    between: Array
+    vibration: Array
     needed: float
     states: Array
 
 
 @dataclass(eq=False)
 class _Run:
-    """How far a motion has come; states in coordinates (r, x), both orders, 2 x 2 x (1 + n): coordinates, then rates.
+    """Progress of a motion; states in coordinates (r, x), both orders, 2 x 2 x (1 + n): coordinates, then rates.
 
     Attributes
     ----------
     form : FreeHubForm
     scene : Scene
     corners : ndarray
-        Instants at which the torque is not smooth, s; ascending, > 0, the last is the end.
-    share : float
-        Of the allowed error, for all windows together.
+        Times at which the torque is not smooth, s; ascending, > 0, the last is the end.
+    fraction : float
+        Fraction of the allowed error, for all windows together.
     steps : int
-        Of a window.
+        Number of steps of a window.
     states : ndarray
     length : float
-        Of the next window, s, if no corner comes before.
+        Length of the next window, s, if no breakpoint comes before.
     time : float
     most : float
-        Longest step at which the fast modes that have to be are resolved, s.
-    peaks, errors, unseen : ndarray
-        Largest so far of those of the windows.
-    pieces : list of Piece
+        Longest step that resolves the fast modes to be resolved, s.
+    peaks, errors, vibration : ndarray
+        Largest values over the windows so far.
+    windows : list of WindowMotion
     """
 
     form: FreeHubForm
     scene: Scene
     corners: Array
-    share: float
+    fraction: float
     steps: int
     states: Array
     length: float
@@ -146,25 +145,25 @@ class _Run:
     most: float = np.inf
     peaks: Array = field(default_factory=lambda: np.zeros(2))
     errors: Array = field(default_factory=lambda: np.zeros(3))
-    unseen: Array = field(default_factory=lambda: np.zeros(2))
-    pieces: list[Piece] = field(default_factory=list)
+    vibration: Array = field(default_factory=lambda: np.zeros(2))
+    windows: list[WindowMotion] = field(default_factory=list)
 
     @property
     def done(self) -> bool:
-        """Whether the end is reached."""
-        # of the whole time: a corner so near ahead is reached already
+        """True if the end is reached."""
+        # relative to the full duration: a breakpoint this close counts as reached
         return self.scene.end - self.time <= SUMMED * self.scene.end
 
     def go_on(self) -> bool:
-        """Try a window, and take it or make it shorter; False where the motion is to be given up."""
+        """Solve a window, and accept or shorten it; return False if the motion needs too many windows."""
         length, end = self._next_length(), self.scene.end
         window = _swept(self, length)
         if window is None or not np.isfinite(window.errors).all():
             self.length = 0.5 * length
             return length >= _SMALLEST * end
-        # a difference of old turns with what is not linear too: that is no new error where the difference has not grown
+        # an earlier difference also changes by nonlinear terms; it is no new error if the total has not grown
         grown = np.minimum(window.added, np.maximum(window.errors - self.errors, 0.0))
-        grown = np.array([grown[0], grown[1:].max()]) + window.hidden
+        grown = np.array([grown[0], grown[1:].max()]) + window.between
         excess = float((grown / self.addable(window.peaks, length)).max())
         factor = float(np.clip(_CAUTION * max(excess, np.finfo(float).tiny) ** (-1.0 / _ORDER), *_GROWTH))
         if excess > 1.0:
@@ -173,66 +172,66 @@ class _Run:
         most_windows = _MOST_WINDOWS + _MORE_WINDOWS * (
             end * np.sqrt(self.form.softest) / self.steps + self.corners.size
         )
-        if (window.unseen > _UNSEEN * self.allowed(window.peaks)).any():
+        if (window.vibration > _VIBRATION * self.allowed(window.peaks)).any():
             self.most = window.needed
             return _RESOLVED * (end - self.time) <= most_windows * self.steps * window.needed
-        cut = length < _CAUTION * self.length  # by a corner, which says nothing of the windows behind it
+        cut = length < _CAUTION * self.length  # by a breakpoint, which does not affect the windows after it
         following = length * min(factor, max(_MANY_SWEEPS / window.sweeps, 0.5))
         self.length = max(following, self.length) if cut else following
-        self.pieces.append(window.piece)
+        self.windows.append(window.motion)
         self.time, self.states = self.time + length, window.states
         corner = float(self.corners[int(np.argmin(np.abs(self.corners - self.time)))])
         if (
             abs(corner - self.time) <= ALIKE * length
-        ):  # what made a fast mode vibrate, perhaps: longer steps are tried anew
+        ):  # a breakpoint may have excited a fast mode: longer steps are tested again
             self.time, self.most = corner, np.inf
-        elif len(self.pieces) % _RELAXED == 0:
+        elif len(self.windows) % _RELAXED == 0:
             self.most *= 2.0
         self.peaks = np.maximum(self.peaks, window.peaks)
         self.errors = np.maximum(self.errors, window.errors)
-        self.unseen = np.maximum(self.unseen, window.unseen)
-        return len(self.pieces) < most_windows
+        self.vibration = np.maximum(self.vibration, window.vibration)
+        return len(self.windows) < most_windows
 
     def _next_length(self) -> float:
-        """Length of the next window, s: it ends at a corner, or its steps do at all corners within it."""
+        """Return the length of the next window, s: it ends at a breakpoint, or has steps that end at all breakpoints."""
         longest = _DECAYED / self.form.decay if self.form.decay else np.inf
         length, left = min(self.length, longest, self.steps * self.most), self.corners - self.time
         left = left[left > SUMMED * self.scene.end]
         gap = left[0]
         if length < 2.0 * gap:
-            # relative difference below which intervals between corners count as equal: rounding of their ends
+            # relative difference below which intervals between breakpoints count as equal: rounding of their ends
             return float(gap / np.ceil(gap / length * (1.0 - ALIKE)))
         count = min(_even(left[: self.steps]), int(length / gap * (1.0 + ALIKE)))
         return float(left[next(item for item in range(count, 0, -1) if self.steps % item == 0) - 1])
 
     def allowed(self, peaks: Array) -> Array:
-        """Allowed errors at given largest values, m."""
+        """Return the allowed errors for the largest values so far, m."""
         return self.scene.atol + self.scene.rtol * np.maximum(self.peaks, peaks) + np.finfo(float).tiny
 
     def addable(self, peaks: Array, length: float) -> Array:
-        """What a window of a length [s] may add to the errors, m."""
-        return self.share * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
+        """Return the error that a window of a length [s] may add, m."""
+        return self.fraction * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
 
     def torque(self, h: float, stages: int) -> Array:
-        """Torque at the nodes of the next window with steps of a length [s], m s."""
+        """Return the torque at the nodes of the next window with steps of a length [s], m s."""
         nodes = (np.arange(self.steps)[:, None] + gauss_method(stages).nodes).ravel()
         return self.drive(self.time + h * nodes)
 
     @property
     def drive(self) -> Callable[[Array], Array]:
-        """Torque [N m] of an array of instants [s]."""
+        """Torque [N m] as a function of an array of times [s]."""
         return self.scene.problem.drive
 
 
 def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTrajectory, float] | None:
-    """Return a motion and the error of its free end [m]; None where the tolerance is not kept.
+    """Return a motion and the error of its free end [m]; None if the tolerance is not reached.
 
     Parameters
     ----------
     form : FreeHubForm
     scene : Scene
     corners : ndarray
-        Instants at which the torque is not smooth, s; ascending, > 0, the last is the end.
+        Times at which the torque is not smooth, s; ascending, > 0, the last is the end.
     """
     states = np.empty((2, form.lean.size + 1))
     for state, item in zip(states, scene.start, strict=True):
@@ -246,20 +245,20 @@ def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTr
             if not run.go_on():
                 return None
         allowed = run.allowed(run.peaks)
-        errors = run.errors[:2] + run.unseen + np.where(run.peaks > 0.0, _SETTLED * run.share * allowed, 0.0)
+        errors = run.errors[:2] + run.vibration + np.where(run.peaks > 0.0, _SETTLED * run.fraction * allowed, 0.0)
         if (errors <= allowed).all():
-            return FreeTrajectory(form, tuple(run.pieces)), float(errors[0])
+            return FreeTrajectory(form, tuple(run.windows)), float(errors[0])
     return None
 
 
 def _even(corners: Array) -> int:
-    """How many corners [s] follow 0 and each other at the same distance, but for rounding of their places."""
-    apart = np.abs(corners - corners[0] * np.arange(1, corners.size + 1)) > ALIKE * corners[0]
-    return int(np.argmax(apart)) if apart.any() else corners.size
+    """Return the number of breakpoints [s] that are equally spaced from 0 on, to rounding error."""
+    uneven = np.abs(corners - corners[0] * np.arange(1, corners.size + 1)) > ALIKE * corners[0]
+    return int(np.argmax(uneven)) if uneven.any() else corners.size
 
 
 def _steps(corners: Array) -> int:
-    """Steps of the windows: where corners are even, such that few windows end at some and steps at all."""
+    """Return the steps of a window: if breakpoints are equally spaced, long windows whose steps end at all of them."""
     count = corners.size if _even(corners) == corners.size else 1
     within, rest = divmod(count, -(-count // _MOST_STEPS))
     return STEPS if rest else within * max(1, STEPS // within)
@@ -274,7 +273,7 @@ def _weights(form: FreeHubForm, modes: FreeModes, run: _Run) -> _Weights:
 
 
 def _swept(run: _Run, length: float) -> _Window | None:
-    """Return a window of a given length [s], swept in both orders; None where the sweeps do not settle."""
+    """Return a window of a length [s], solved in both orders; None if the sweeps do not converge."""
     (low, high), h, form = STAGES, length / run.steps, run.form
     torque = run.torque(h, low)
     modes = free_modes(form, _typical_speed(form, run.states[1, 1, 0], torque, h))
@@ -284,77 +283,77 @@ def _swept(run: _Run, length: float) -> _Window | None:
     moved = flow(modes.rates, h, run.steps, low)
     force = (modes.push[:, None] * torque).reshape(modes.push.size, run.steps, low)
     peaks = weights.peaks(moved.at_nodes(force, moved.states(force, starts[0]))[0])
-    left = np.maximum(_SETTLED * run.addable(peaks, length), _ROUNDING * peaks)
-    watched = weights.rows / left[0], weights.speed[None] / left[1]
+    remaining = np.maximum(_SETTLED * run.addable(peaks, length), _ROUNDING * peaks)
+    watched = weights.rows / remaining[0], weights.speed[None] / remaining[1]
     coarse = settle(modes, moved, starts[0], torque, watched, force)
     if coarse is None:
         return None
     moved = flow(modes.rates, h, run.steps, high)
-    force = coarse.force @ _places(low, tuple(gauss_method(high).nodes)).T
+    force = coarse.force @ _interpolation(low, tuple(gauss_method(high).nodes)).T
     fine = settle(modes, moved, starts[1], run.torque(h, high), watched, force)
     if fine is None:
         return None
     errors, added = _errors(weights, coarse, fine)
-    unseen, worst = _unseen(weights, modes, fine)
+    vibration, worst = _vibration_errors(weights, modes, fine)
     ends = np.stack([np.stack(coordinates(modes.rates, item.states[:, -1])) for item in (coarse, fine)])
     ends[..., 1:] = ends[..., 1:] @ modes.shapes.T
     return _Window(
-        piece=Piece(run.time, h, modes, moved.fast, fine.force, fine.states),
+        motion=WindowMotion(run.time, h, modes, moved.fast, fine.force, fine.states),
         sweeps=coarse.sweeps,
         peaks=weights.peaks(fine.z),
         errors=errors,
         added=added,
-        hidden=_overlooked(weights, run, fine),
-        unseen=unseen,
+        between=_torque_errors(weights, run, fine),
+        vibration=vibration,
         needed=_CAUTION * FAST / float(modes.rates.imag[1 + worst]),
         states=ends,
     )
 
 
 def _typical_speed(form: FreeHubForm, rate: float, torque: Array, h: float) -> float:
-    """Hub speed whose square is the mean one of a rigid beam in a window, rad/s: from the free mass's rate."""
+    """Return the rms hub speed of a rigid beam in a window, rad/s, from the free mass's rate."""
     impulse = torque.reshape(-1, STAGES[0]) @ gauss_method(STAGES[0]).weights * h
     speed = rate / np.sqrt(form.inertia) + np.cumsum(impulse) / form.inertia
     return float(np.sqrt(np.mean(speed**2)))
 
 
-def _overlooked(weights: _Weights, run: _Run, fine: Swept) -> Array:
-    """What a user's torque does beside the polynomials through its nodes, by its values near the ends of steps; 2.
+def _torque_errors(weights: _Weights, run: _Run, fine: Swept) -> Array:
+    """Return the effect of a user's torque less the polynomials through its nodes, from samples near the ends of steps; 2.
 
-    Its values at even instants count too: what lasts longer than from one of these to the next is not passed over.
+    Samples at equally spaced times are included: a pulse longer than their spacing is detected.
     """
-    if not run.scene.given:
+    if not run.scene.user_defined:
         return np.zeros(2)
-    h, places, instants = fine.flow.h, np.array([_INSIDE, 1.0 - _INSIDE]), even_instants(run.scene.end)
+    h, positions, times = fine.flow.h, np.array([_INSIDE, 1.0 - _INSIDE]), even_times(run.scene.end)
     nodes, begin = fine.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
-    values = run.drive(begin[:, None] + h * places)
-    apart = np.abs(values - nodes @ _places(nodes.shape[1], tuple(places)).T).max(axis=1)
-    gap = instants[1]
-    instants = instants[(instants >= begin[0]) & (instants <= begin[-1] + h)]
-    result = run.drive(instants)
-    between, _ = off_polynomials(nodes, begin, np.full(run.steps, h), instants, result)
+    values = run.drive(begin[:, None] + h * positions)
+    error = np.abs(values - nodes @ _interpolation(nodes.shape[1], tuple(positions)).T).max(axis=1)
+    gap = times[1]
+    times = times[(times >= begin[0]) & (times <= begin[-1] + h)]
+    result = run.drive(times)
+    between, _ = polynomial_errors(nodes, begin, np.full(run.steps, h), times, result)
     size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
-    apart[apart <= _ROUNDING * size] = 0.0
-    between[between <= _SEEN * size] = 0.0
+    error[error <= _ROUNDING * size] = 0.0
+    between[between <= _FLAT * size] = 0.0
     push = weights.hub / run.scene.radius
     moved = np.array([weights.sizes[0, 1:] @ np.abs(push[1:]), weights.speed[0] * push[0]])
-    return max(h * apart.sum(), gap * between.sum()) * moved
+    return max(h * error.sum(), gap * between.sum()) * moved
 
 
 @lru_cache(maxsize=4)
-def _places(stages: int, places: tuple[float, ...]) -> Array:
-    """From values at the nodes to those at other places of a step, of the same polynomial."""
-    return legendre.legvander(2.0 * np.array(places) - 1.0, stages - 1) @ gauss_method(stages).terms
+def _interpolation(stages: int, positions: tuple[float, ...]) -> Array:
+    """Return the matrix from values at the nodes to values of their polynomial at other positions of a step."""
+    return legendre.legvander(2.0 * np.array(positions) - 1.0, stages - 1) @ gauss_method(stages).terms
 
 
 def _errors(weights: _Weights, coarse: Swept, fine: Swept) -> tuple[Array, Array]:
-    """Differences of the orders, in all and what the window has added: see `_Window`."""
-    apart: Array = fine.states - coarse.states
-    own = np.empty_like(apart)
-    own[1:] = apart[1:] - fine.flow.turns * apart[1:, :1]
-    own[0] = apart[0] - apart[0, 0] - 1j * fine.flow.h * np.arange(apart.shape[1]) * apart[0, 0].real
+    """Return the differences of the orders, in total and arising in the window: see `_Window`."""
+    total: Array = fine.states - coarse.states
+    own = np.empty_like(total)
+    own[1:] = total[1:] - fine.flow.turns * total[1:, :1]
+    own[0] = total[0] - total[0, 0] - 1j * fine.flow.h * np.arange(total.shape[1]) * total[0, 0].real
     result = []
-    for item in (apart, own):
+    for item in (total, own):
         size = np.abs(item)
         size[0] = np.abs(item[0].imag)
         turning = weights.speed[0] * np.abs(item[0].real.mean())
@@ -362,11 +361,11 @@ def _errors(weights: _Weights, coarse: Swept, fine: Swept) -> tuple[Array, Array
     return result[0], result[1]
 
 
-def _unseen(weights: _Weights, modes: FreeModes, fine: Swept) -> tuple[Array, int]:
-    """What the vibrations of fast modes would do to what is watched, 2, and which mode most of it.
+def _vibration_errors(weights: _Weights, modes: FreeModes, fine: Swept) -> tuple[Array, int]:
+    """Bound the effect of fast modes' vibrations on the watched displacements, 2, and find the mode of largest effect.
 
-    A vibration of amplitude a shifts its own phase, by what is not linear in its own equation, and pushes the hub and
-    the other modes by what couples it to them; that force turns with the vibration, so that its impulse stays bounded.
+    A vibration shifts its own phase by the nonlinear terms of its equation, and acts on the hub and the other modes by
+    coupling terms; these forces oscillate with the vibration, so that their impulse stays bounded.
     """
     if not fine.flow.fast.any():
         return np.zeros(2), 0

@@ -1,4 +1,4 @@
-"""Vibrations of the hub-beam with its hub free, and the forces between them that the linear equations leave out."""
+"""Vibrations of the hub-beam with its hub free, and the nonlinear forces between them."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -9,7 +9,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 
-_SOFTEST = 0.1  # of the lowest stiffness at rest: a speed that leaves less is not linearized about; a choice
+_SOFTEST = 0.1  # Least stiffness at a hub speed, relative to the lowest at rest, for linearization about this speed.
 
 
 @final
@@ -27,7 +27,7 @@ class FreeModes:
     rates : complex ndarray, 1 + n
         Of the oscillators, 1/s; i of the free mass.
     push : ndarray, 1 + n
-        What a torque does to each mode; also the hub speed that goes with its rate.
+        Modal input vector of a torque; also the hub speed per rate of each mode.
     slope, gyro, damping : ndarray, n x n
         Of the vibrations; the last without its diagonal, which is in the rates.
     axial : ndarray, n
@@ -44,14 +44,14 @@ class FreeModes:
     axial: Array
 
     def forces(self, z: Array, rate: Array, torque: Array) -> tuple[Array, Array]:
-        """Modal forces of torque and all that is not linear, and what has to be > 0 for them.
+        """Return the modal forces of torque and nonlinear terms, and a value that must be positive.
 
-        The hub's acceleration is solved for: it takes part in the forces, and these in it.
+        The hub's acceleration depends on the forces and vice versa: both are solved together.
 
         Parameters
         ----------
         z, rate : ndarray, (1 + n) x k
-            Modal coordinates and rates at k instants.
+            Modal coordinates and rates at k times.
         torque : ndarray, k
             N m.
 
@@ -100,9 +100,9 @@ class FreeModes:
         return result, solvable
 
     def impulses(self, z: Array, jump: Array) -> Array:
-        """Impulses on the modes, (1 + n) x k, for vibrations that begin with given rates and are left out from then on.
+        """Return impulses on the modes, (1 + n) x k, for vibrations that start with rates ``jump`` and are then omitted.
 
-        What couples them to the rest by inertia turns with them and does nothing in the mean, but for how it began.
+        The inertial coupling of a vibration to the other modes has zero mean, except for the impulse at its start.
 
         Parameters
         ----------
@@ -132,7 +132,7 @@ class FreeModes:
 
 
 def free_modes(form: FreeHubForm, speed: float) -> FreeModes:
-    """Return the modes at a hub speed [rad/s]; at rest where it leaves too little stiffness to vibrate."""
+    """Return the modes at a hub speed [rad/s], or at rest if the stiffness at this speed is too small."""
     for square in (speed**2, 0.0):
         values, shapes = np.linalg.eigh(form.stiffness - square * form.slope)
         damping = shapes.T @ form.damping @ shapes

@@ -1,10 +1,10 @@
-"""Prescribed hub motion without gyroscopic terms and damping: every mode vibrates exactly, only the rest is collocated.
+"""Prescribed hub motion without gyroscopic terms and damping: every mode in closed form, only its forces collocated.
 
-With the mean of the speed squared over a step the beam's modes are decoupled, ``z'' + Omega^2 z = F(t)``. F holds the
-hub's acceleration and what the speed's deviation from its mean couples the modes by; it is given in the Gauss points of
-the step. The deviation is weak, so that these forces settle in a few sweeps; where they do not, they are solved for. A
-mode too fast for the step is followed all the same, which a polynomial for its coordinate could not do. After the last
-step the hub's speed is taken to be constant: what follows is a free vibration without a polynomial.
+With the mean of the speed squared over a step the beam's modes are decoupled, ``z'' + Omega^2 z = F(t)``. F contains the
+hub's acceleration and the coupling of the modes by the deviation of the speed squared from its mean, at the Gauss points of
+the step. The deviation is weak, so that the forces converge in a few sweeps; if they do not, a linear system is solved. A
+mode too fast for the step is integrated exactly too, which a polynomial for its coordinate could not do. After the last
+step the hub's speed is assumed constant: a free vibration without a polynomial follows.
 """
 
 from dataclasses import dataclass
@@ -21,17 +21,17 @@ from boomctl.rotating_beam.motion.oscillators import responses, turning
 from boomctl.rotating_beam.motion.refinement import Accuracy, halved
 from boomctl.rotating_beam.motion.trajectory import SMOOTH, Vibrations
 
-STAGES = 8  # nodes of a step: a choice, forces of degree 7 over nearly a period of the lowest mode
-_KEPT = 6  # Legendre terms of the forces that stay when the two highest are taken as the error
-_SWEEPS = 10  # in which forces may settle before they are solved for: a choice
-_FIRST_CHECK = 4  # sweep after which it is first asked whether they have settled: a choice, the question takes time too
-_SETTLED = 1e-11  # last change of settled forces, relative to them: after so few sweeps a tenth of it is left
-_AFTER = (
-    1000.0  # square of the angle in which a step's slow mode answers a term of degree 8: 4 (2 8 - 1)(2 8 + 1), less
-)
-_FOLLOWED = 12.0  # angle in a step up to which polynomials follow a vibration: its highest terms tell of those left out
-_SHARE = 0.25  # of such forces that moves a displacement: a sixth and less (measured, 490 random motions)
-_LEVELS = 6  # of halved steps, before plain collocation takes over: a choice, 32 times as many steps as at first
+STAGES = 8  # Nodes of a step: forces of degree 7 over nearly a period of the lowest mode.
+_LOW_TERMS = 6  # Legendre terms of the forces below the two highest, whose effect is the error estimate.
+_SWEEPS = 10  # Most sweeps for the forces before a linear system is solved.
+_FIRST_CHECK = 4  # Sweep after which convergence is first checked; an earlier check costs more than it saves.
+_SETTLED = 1e-11  # Relative change of the forces at which sweeps stop; the remaining error is a tenth of it.
+# Squared angle that scales a slow mode's response to a term of degree 8 in a step: 4 (2 8 - 1)(2 8 + 1), less.
+_AFTER = 1000.0
+# Angle in a step up to which polynomials resolve a vibration, so that its highest terms show the error.
+_FOLLOWED = 12.0
+_FRACTION = 0.25  # Fraction of the forces of unresolved vibrations that moves a displacement; 1/6 in random motions.
+_LEVELS = 6  # Levels of halved steps before plain collocation takes over: 32 times as many steps as at first.
 
 
 @final
@@ -44,11 +44,11 @@ class ModalTrajectory:
     form : NormalForm
     maneuver : PrescribedMotion
     vibrations : Vibrations
-        In m windows of one step each, and what follows.
+        Vibrations in m windows of one step each, and after the last step.
     x : ndarray, (m + 1) x n
         Mass-normalized coordinates at the ends of the steps.
     error : ndarray, (m + 1) x 2 n
-        Estimated errors of x and its rates at the ends: twice what the two highest Legendre terms of the forces do.
+        Estimated errors of x and its rates at the ends: twice the effect of the two highest Legendre terms of the forces.
     deviation : ndarray, m
         Largest deviation of the speed squared from its mean on each step, rad^2/s^2.
     """
@@ -66,27 +66,27 @@ class ModalTrajectory:
         return self.deviation.size
 
     def displacement(self, row: Array, timepts: Array) -> Array:
-        """``row q`` at instants, k."""
+        """Return ``row q`` at times, k."""
         return self.vibrations.displacement(row @ self.form.to_q, timepts)
 
     def __call__(self, timepts: Array) -> tuple[Array, Array]:
-        """Coordinates and rates of hub and beam at instants, k x N each."""
+        """Return coordinates and rates of hub and beam at times, k x N each."""
         z, rate, _ = self.vibrations.at(timepts)
-        shapes = self.form.to_q @ self.vibrations.shapes[self.vibrations.placed(timepts)[0]]
+        shapes = self.form.to_q @ self.vibrations.shapes[self.vibrations.located(timepts)[0]]
         q, v = ((shapes @ item[..., None])[..., 0] for item in (z, rate))
         return np.column_stack([self.maneuver.angle(timepts), q]), np.column_stack([self.maneuver.speed(timepts), v])
 
-    def unseen(self, rows: Array) -> float:
-        """How far forces that the ends' errors do not tell of may move displacements r of rows r x n over x.
+    def interior_error(self, rows: Array) -> float:
+        """Estimate the error of displacements, rows r x n over x, by forces that the errors at the ends do not contain.
 
-        Those of a degree above the steps' move the inside of a step more than its end; they are taken to fall as the
-        highest terms that there are. A mode too fast for a polynomial vibrates after a jump of the hub's acceleration, and
-        the speed's deviation from its mean couples it to all others: these forces are taken to come at random, step by step.
+        Forces of a degree above the steps' excite the interior of a step more than its end; they are assumed to fall at the
+        rate of the highest computed terms. A mode too fast for a polynomial vibrates after a jump of the hub's acceleration,
+        and the deviation of the speed squared from its mean couples it to all others: these forces are assumed random.
         """
         known = self.vibrations
         omega, h, modes = known.rates.imag[:-1], known.h[:-1, None], known.shapes[:-1]
         weights = np.abs(rows @ modes).max(axis=1)
-        terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[_KEPT - 2 :].T)
+        terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[_LOW_TERMS - 2 :].T)
         before, last = terms[..., 0] + terms[..., 1], terms[..., 2] + terms[..., 3]
         after = last * last / np.maximum(np.maximum(before, last), np.finfo(float).tiny)
         inside = float((weights * after / (omega * omega + _AFTER / (h * h))).sum(axis=1).max())
@@ -96,7 +96,7 @@ class ModalTrajectory:
         vibrating = np.where(fast, np.abs(known.waves[:-1, :, 0]) / omega, 0.0)
         coupling = np.abs(modes.swapaxes(1, 2) @ self.form.slope @ modes)
         force = (coupling @ vibrating[..., None])[..., 0] * self.deviation[:, None]
-        return inside + _SHARE * float(np.linalg.norm((weights * h / omega * force).sum(axis=1)))
+        return inside + _FRACTION * float(np.linalg.norm((weights * h / omega * force).sum(axis=1)))
 
 
 def modal_refine(
@@ -108,7 +108,7 @@ def modal_refine(
     *,
     vibrates_on: bool,
 ) -> tuple[ModalTrajectory, float] | None:
-    """Solve on steps halved until the estimated error is as small as asked for.
+    """Solve on steps halved until the estimated error is within the tolerance.
 
     Parameters
     ----------
@@ -117,12 +117,12 @@ def modal_refine(
     accuracy : Accuracy
         Its first group is the free end.
     vibrates_on : bool
-        Whether the vibration after the last step is to be as exact.
+        Apply the tolerance also to the vibration after the last step.
 
     Returns
     -------
     trajectory, error : ModalTrajectory, float
-        The error of the free end's displacement, m. None in place of both if it stays above what is asked for.
+        Motion, and error of the free end's displacement, m. None instead of both if the tolerance is not reached.
     """
     n, rows = form.push.size, accuracy.rows[0] @ form.to_q
     for _ in range(_LEVELS):
@@ -135,7 +135,7 @@ def modal_refine(
             amplitudes = rows @ shapes * np.hypot(z, rate / omega)
             error = max(error, float(np.abs(amplitudes).sum(axis=1).max()))
         if error <= allowed:
-            error += trajectory.unseen(rows)
+            error += trajectory.interior_error(rows)
             if error <= allowed:
                 return trajectory, error
         edges = halved(edges)
@@ -147,7 +147,7 @@ def modal_march(
 ) -> ModalTrajectory:
     """Solve the beam's equations over all steps.
 
-    The error is estimated by leaving the two highest Legendre terms of the forces out.
+    The error is estimated by omitting the two highest Legendre terms of the forces.
 
     Parameters
     ----------
@@ -227,13 +227,13 @@ def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder:
     h : ndarray, m
         Lengths of the steps, s.
     answers : complex ndarray, m x n x (s + 2) x s
-        What forces do: see `responses`.
+        Responses to forces: see `responses`.
     push : ndarray, m x n x s
         Modal forces at the nodes by the hub's acceleration.
     remainder : ndarray, m x s
         Speed squared at the nodes less its mean.
     coupling : ndarray, m x n x n
-        Modal stiffness that goes with it.
+        Modal stiffness per unit of speed squared.
     """
     (m, n), s = omega.shape, STAGES
     turned = turning(1j * omega, h[:, None] * np.append(gauss_method(s).nodes, 1.0))
@@ -255,7 +255,7 @@ def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder:
 
 
 def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Array]:
-    """What forces at the nodes do from rest: coordinates there, m x n x s x s, and `_Steps.end_by_force`."""
+    """Return responses from rest to forces at the nodes: coordinates there, m x n x s x s, and `_Steps.end_by_force`."""
     u: Array = turned[..., None] * answers[:, :, :1]
     np.subtract(answers[:, :, 1:], u, out=u)
     z = u.imag / omega[..., None, None]
@@ -294,9 +294,9 @@ def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> 
 
 @lru_cache(maxsize=1)
 def _highest() -> Array:
-    """Leaves the two highest Legendre terms of what is given at the nodes, s x s."""
+    """Return the projection of values at the nodes onto the two highest Legendre terms, s x s."""
     terms = gauss_method(STAGES).terms
-    return np.linalg.inv(terms)[:, _KEPT:] @ terms[_KEPT:]
+    return np.linalg.inv(terms)[:, _LOW_TERMS:] @ terms[_LOW_TERMS:]
 
 
 def _run_through(transition: Array, push: Array, start: Array) -> Array:

@@ -2,9 +2,9 @@
 
 ``z'' + 2 sigma z' + (sigma^2 + omega^2) z = F(t)`` is ``u' = l u + F`` with ``l = -sigma + i omega`` and
 ``u = z' - conj(l) z``: ``z = Im u / omega``, ``z' = Re u - sigma z``. A slow oscillator's answer to the Lagrange
-polynomials of the nodes is integrated by quadrature; a fast one's is a polynomial, which the derivatives of the force
-give, and a vibration. The first oscillator of a window is a free mass, ``z'' = F``: there ``u = z' + i z`` stands for the
-two, as if l were i.
+polynomials of the nodes is integrated by quadrature; a fast oscillator's is the sum of a polynomial, from derivatives of
+the force, and a vibration. The first oscillator of a window is a free mass, ``z'' = F``, with ``u = z' + i z``, as if l
+were i.
 
 Axes are oscillators (1 + n, with the free mass), steps m and nodes s; functions of rates take further axes in front.
 """
@@ -18,8 +18,8 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 
-FAST = 16.0  # phase in a step above which a force's derivatives give the answer: ten of them then lose one digit
-_POINTS = 22  # Gauss points of the quadrature below that phase: exact to rounding for exp(16 i) times degree 11
+FAST = 16.0  # Phase in a step above which the response follows from derivatives of the force: ten lose one digit.
+_POINTS = 22  # Gauss points of the quadrature below this phase: exact to rounding for exp(16 i) times degree 11.
 
 
 def turning(rates: Array, times: Array) -> Array:
@@ -47,11 +47,11 @@ class Flow(NamedTuple):
     ----------
     to_nodes : ndarray, (1 + n) x (s + 2) x 2 s
         From forces at the nodes, Re u and Im u at a step's start to coordinates and rates at the nodes. The free
-        vibration of a fast oscillator is left out: between the nodes it turns too often to be seen in them.
+        vibration of a fast oscillator is omitted: the nodes do not resolve it.
     to_end : ndarray, (1 + n) x s x 2
         Re u and Im u at a step's end by the forces, from rest.
     resting : ndarray, n x s x 2
-        Likewise at a step's start if a fast oscillator does not vibrate; zero for the others.
+        Re u and Im u at a step's start for which a fast oscillator does not vibrate; zero for the others.
     fast : ndarray of bool, n
     turns, back : complex ndarray, n x (m + 1)
         ``exp(l t)`` at the ends of the steps, and its inverse.
@@ -82,11 +82,11 @@ class Flow(NamedTuple):
         np.add.accumulate(gained[1:] * self.back[:, 1:], axis=-1, out=vibrating)
         vibrating += start[1:, None]
         vibrating *= self.turns[:, 1:]
-        speed, place = u[0].real, u[0].imag
+        speed, position = u[0].real, u[0].imag
         np.add.accumulate(gained[0].real, out=speed[1:])
         speed[1:] += speed[0]
-        np.add.accumulate(gained[0].imag + self.h * speed[:-1], out=place[1:])
-        place[1:] += place[0]
+        np.add.accumulate(gained[0].imag + self.h * speed[:-1], out=position[1:])
+        position[1:] += position[0]
         return u
 
     def vibrations(self, force: Array, u: Array) -> Array:
@@ -96,7 +96,7 @@ class Flow(NamedTuple):
         return free
 
     def beginning(self, free: Array) -> Array:
-        """Of these vibrations the rates that begin with each step; and at the last one's end they are taken off."""
+        """Return the rates of these vibrations that start at each step, less those that end with the step before."""
         rates = np.zeros((len(free), free.shape[1] + 1))
         rates[:, :-1] = free.real
         rates[:, 1:] -= np.real(self.turns[:, 1:2] * free)
@@ -152,13 +152,13 @@ def _complex(pairs: Array) -> Array:
 
 
 def free_mass(h: float, stages: int) -> Array:
-    """What forces at the nodes of a step do to the free mass: ``u`` at its start, nodes and end, (s + 2) x s."""
+    """Return the response of the free mass to forces at a step's nodes: ``u`` at start, nodes and end, (s + 2) x s."""
     table = _table(stages)
     return (h * table.pushed + 1j * h * h * table.moved) @ gauss_method(stages).terms
 
 
 def responses(rates: Array, h: Array, stages: int, smooth_above: float) -> Array:
-    """Return what forces do of which the s Legendre terms are given: ``u`` at start, nodes and end, ... x n x (s + 2) x s.
+    """Return the response to s Legendre terms of the forces: ``u`` at start, nodes and end, ... x n x (s + 2) x s.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ def responses(rates: Array, h: Array, stages: int, smooth_above: float) -> Array
     stages : int
         Number s of nodes.
     smooth_above : float
-        Oscillators of a larger phase in a step are given the motion that has no vibration; all others start from rest.
+        Oscillators of a larger phase in a step get the motion without vibration; all others start from rest.
     """
     table = _table(stages)
     turned: Array = rates * h[..., None]
@@ -184,16 +184,16 @@ def responses(rates: Array, h: Array, stages: int, smooth_above: float) -> Array
 
 
 class _Table(NamedTuple):
-    """Of s Legendre polynomials, at the places start, nodes and end of a step of unit length.
+    """Values of s Legendre polynomials at the points start, nodes and end of a step of unit length.
 
     Attributes
     ----------
     ahead : ndarray, (s + 1) x p
-        Distance from the quadrature's points to each place but the start.
+        Distance from the quadrature's points to each point except the start.
     quadrature : ndarray, (s + 1) x p x s
-        Polynomials times weights in these points.
+        Polynomials times weights at the quadrature's points.
     derivatives : ndarray, s x (s + 2) x s
-        Derivatives at all places, from the value on.
+        Derivatives at all points, from order 0 on.
     pushed, moved : ndarray, (s + 2) x s
         Integrals once and twice, from the start.
     """
@@ -208,15 +208,15 @@ class _Table(NamedTuple):
 @lru_cache(maxsize=8)
 def _table(stages: int) -> _Table:
     nodes, gauss = gauss_method(stages).nodes, gauss_method(_POINTS)
-    places = np.array([0.0, *nodes, 1.0])
-    points = np.multiply.outer(places[1:], gauss.nodes)
-    weights = np.multiply.outer(places[1:], gauss.weights)
+    positions = np.array([0.0, *nodes, 1.0])
+    points = np.multiply.outer(positions[1:], gauss.nodes)
+    weights = np.multiply.outer(positions[1:], gauss.weights)
     quadrature = legendre.legvander(2.0 * points - 1.0, stages - 1) * weights[..., None]
-    ahead = places[1:, None] - points
-    derivatives = np.zeros((stages, places.size, stages))
+    ahead = positions[1:, None] - points
+    derivatives = np.zeros((stages, positions.size, stages))
     terms = np.eye(stages)
     for item in derivatives:
-        item[:] = legendre.legval(2.0 * places - 1.0, terms).T
+        item[:] = legendre.legval(2.0 * positions - 1.0, terms).T
         terms = 2.0 * legendre.legder(terms)
     start = np.zeros((1, stages))
     pushed = np.concatenate([start, quadrature.sum(axis=1)])

@@ -1,8 +1,8 @@
-"""What the collocation solves: the beam at a prescribed hub motion, or hub and beam under a torque.
+"""Problems of the collocation: the beam at a prescribed hub motion, or hub and beam under a torque.
 
-These are second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates at k instants; `drive` is what drives
-the motion, the hub's acceleration or the torque on it, `first_guess` gives rates at m x s nodes for Newton's method to
-start from, and `why` says what it means that there is no solution from an instant on.
+These are second-order equations ``residual(t, q, v, a) = 0`` in n unknown coordinates at k times. `drive` is the hub's
+acceleration or the torque on the hub, `first_guess` returns rates at m x s nodes as start of Newton's method, and `why`
+describes the cause if no solution exists from a time on.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class PrescribedProblem:
 
     @property
     def linear(self) -> bool:
-        """Whether the residual is affine in q, v and a."""
+        """True if the residual is affine in q, v and a."""
         return self.equations.beam_speed_terms is not None
 
     def drive(self, t: Array) -> Array:
@@ -53,11 +53,11 @@ class PrescribedProblem:
         return Tangents(terms.M, terms.C + speed * terms.G, stiffness)
 
     def first_guess(self, t: Array, start: float, v: Array) -> Array:
-        """No motion of the beam."""
+        """Return zero rates of the beam."""
         return np.zeros((*t.shape, v.size))
 
     def is_admissible(self, q: Array) -> bool:
-        """Whether the equations can be solved for the accelerations at all of k coordinates: always."""
+        """Return True: the equations can be solved for the accelerations at any coordinates."""
         return True
 
     def why(self, time: float) -> str:
@@ -96,7 +96,7 @@ class TorqueDrivenProblem:
         return self.equations.tangents(q, v, a)
 
     def first_guess(self, t: Array, start: float, v: Array) -> Array:
-        """The motion of hub and beam if the beam were rigid and stayed as it is."""
+        """Return the motion of hub and beam if the beam were rigid."""
         inertia = self.equations.inertia(np.zeros((1, v.size))).hub[0]
         times = np.concatenate([[start], t.ravel()])
         torque = self.maneuver.torque(times)
@@ -106,7 +106,7 @@ class TorqueDrivenProblem:
         return guess
 
     def is_admissible(self, q: Array) -> bool:
-        """Whether the mass matrix is positive definite at all of k coordinates."""
+        """Return True if the mass matrix is positive definite at all k sets of coordinates."""
         return bool(np.all(self.equations.inertia(q).margin() > 0.0))
 
     def why(self, time: float) -> str:

@@ -1,4 +1,4 @@
-"""Steps for a motion: the first ones, and then halved until two solutions agree: the error was measured, not assumed."""
+"""Steps for a motion: first steps, halved until two solutions agree, whose difference is the error estimate."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,45 +14,43 @@ from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import Trajectory, march
 from boomctl.rotating_beam.motion.problems import Problem
 
-STAGES = 8  # of the collocation, order 16: a choice; 4 and 6 take longer (measured, a torque on FOAM, 5 + 5 modes)
+STAGES = 8  # Stages of the collocation, order 16; 4 and 6 take longer for a torque on FOAM with 5 + 5 modes.
 
 # First step times the lowest frequency of the beam, for vibrations in closed form: nearly a period.  It is shorter for a
-# tolerance below `_LOOSE`, by a root of it: steps that are halved once or twice then do (measured)
+# tolerance below `_LOOSE`, by a root of the ratio, so that one or two halvings suffice.
 _PHASE, _LOOSE, _ROOT = 5.5, 1e-6, 7.0
-_PHASE_GRADED = 1.4  # likewise for polynomials: a quarter of a period, which eight stages follow
+_PHASE_GRADED = 1.4  # First step times the lowest frequency, for polynomials: a quarter of a period.
 
-_FIRST_TOLERANCE = 1e-6  # change of a coordinate at which Newton's method stops on the first steps, m: they are a start
-_NEWTON_SHARE = 0.05  # of the allowed error that Newton's method may leave
-_MOST_STEPS = 40000  # where the run is given up: ten times as many as FOAM takes for a minute and nine digits
-_LONG = (
-    5000  # first steps from which a hundredth of a motion is solved before, to tell whether the whole can be (a choice)
-)
+_FIRST_TOLERANCE = 1e-6  # Change of a coordinate [m] at which Newton's method stops on the first steps.
+_NEWTON_FRACTION = 0.05  # Fraction of the allowed error at which Newton's method stops on finer steps.
+_MOST_STEPS = 40000  # Most steps of a run: ten times the number for FOAM over a minute with nine digits.
+# First steps above which 1/100 of the motion is solved first, to predict the number of steps of the full motion.
+_LONG = 5000
 _PILOT = 100
-_HOPELESS = (
-    2.0  # times the most steps that the pilot has to promise for a motion to be refused: it may be the hardest part
-)
-_SMOOTH = 0.02  # part of the allowed error below which a step's highest terms leave it as it is
+# Factor on `_MOST_STEPS` above which a predicted number is an error: the pilot may be the hardest part.
+_HOPELESS = 2.0
+_SMOOTH = 0.02  # Contribution of a step's highest terms, over the allowed error, below which it is not halved.
 
 
 def first_steps(
     equations: Equations, breakpoints: tuple[float, ...], end: float, *, rtol: float, graded: bool
 ) -> Array:
-    """Ends of the coarsest steps: equal between the instants at which the maneuver is not smooth.
+    """Return the ends of the coarsest steps: equal between the times at which the maneuver is not smooth.
 
-    Graded after these, down to the time scale of the highest mode, they catch the vibrations that are excited there.
-    Otherwise polynomials on two levels of steps, both too coarse for them, could agree on leaving them out.
+    Graded after these times, down to the time scale of the highest mode, steps resolve the vibrations excited there.
+    Otherwise polynomials on two levels of steps, both too coarse for the vibrations, could agree without them.
 
     Parameters
     ----------
     equations : Equations
     breakpoints : tuple of float
-        Instants at which the maneuver is not smooth, s.
+        Times at which the maneuver is not smooth, s.
     end : float
-        Instant at which the last step ends, s.
+        Time at which the last step ends, s.
     rtol : float
-        Of the free end's displacement.
+        Relative tolerance of the free end's displacement.
     graded : bool
-        Whether to grade the steps, for polynomials; vibrations in closed form may start from longer, equal steps.
+        Grade the steps, for polynomials; vibrations in closed form may start from longer, equal steps.
     """
     lowest, highest = equations.frequency_range
     phase = _PHASE_GRADED if graded else _PHASE * min(1.0, rtol / _LOOSE) ** (1.0 / _ROOT)
@@ -70,17 +68,17 @@ def first_steps(
 @final
 @dataclass(frozen=True)
 class Accuracy:
-    """How exact a motion has to be.
+    """Required accuracy of a motion.
 
     Attributes
     ----------
     rtol, atol : float
-        The error of each watched displacement is kept below ``atol + rtol max |displacement|`` [m].
+        Limit ``atol + rtol max |displacement|`` [m] on the error of each watched displacement.
     rows : tuple of ndarray, each r x n
         Groups of displacements as rows over the coordinates; a group shares its maximum. The first is the free end.
     modal : tuple of ndarray, n x n, or None
-        Where a free vibration follows: rows from coordinates and from rates to the amplitudes of its modes at the free
-        end. The error at the last step's end is then measured in them, so that it holds for the vibration too.
+        If a free vibration follows: rows from coordinates and from rates to the amplitudes of its modes at the free end.
+        The error at the last step's end is then expressed in amplitudes, so that it holds for the vibration too.
     """
 
     rtol: float
@@ -93,9 +91,9 @@ class Accuracy:
         return [self.atol + self.rtol * float(np.abs(q @ rows.T).max()) for rows in self.rows]
 
     def errors(self, coarse: Trajectory, fine: Trajectory) -> list[float]:
-        """Largest difference of two solutions in each group [m], at the ends and middles of the finer one's steps."""
+        """Return the largest difference of two solutions in each group [m], at ends and midpoints of the finer steps."""
         middles = 0.5 * (fine.edges[1:] + fine.edges[:-1])
-        at_middles = fine.at_places((0.5,))[:, 0]
+        at_middles = fine.at_positions((0.5,))[:, 0]
         difference = coarse(np.concatenate([fine.edges, middles]))[0] - np.concatenate([fine.q, at_middles])
         errors = [float(np.abs(difference @ rows.T).max()) for rows in self.rows]
         if self.modal is not None:
@@ -104,18 +102,18 @@ class Accuracy:
         return errors
 
     def roughness(self, trajectory: Trajectory, allowed: list[float]) -> Array:
-        """How far a step's highest Legendre terms move the watched displacements, as a part of what is allowed."""
+        """Return the contribution of a step's highest Legendre terms to the watched displacements, over the limit."""
         moved = trajectory.highest_terms()
         parts = [(moved @ np.abs(rows).T).max(axis=1) / bound for rows, bound in zip(self.rows, allowed, strict=True)]
         return np.max(parts, axis=0)
 
 
 def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy: Accuracy) -> tuple[Trajectory, float]:
-    """Solve on steps halved again and again until the watched displacements are as exact as asked for.
+    """Solve on steps halved repeatedly until the watched displacements reach the required accuracy.
 
-    The difference of two levels is the error of the coarser; the finer is returned. No order of convergence is taken
-    for granted: while a faintly excited mode is not resolved, the differences fall at a rate that does not last. Only
-    the steps that are not smooth are halved, or all of them if they are smooth but the levels disagree.
+    The difference of two levels is the error of the coarser level; the finer solution is returned. No order of convergence
+    is assumed: while a weakly excited mode is not resolved, the differences fall at a rate that does not last. Only steps
+    that are not smooth are halved, or all steps if all are smooth but the levels disagree.
 
     Parameters
     ----------
@@ -127,13 +125,13 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
     -------
     trajectory : Trajectory
     error : float
-        Estimated largest error of the free end's displacement, m; on the safe side.
+        Estimated largest error of the free end's displacement, m; conservative.
 
     Raises
     ------
     SimulationError
-        If the tolerance is not reached with the smallest step, the beginning shows that the whole would take far too many
-        steps, or the equations have no solution from some instant on.
+        If the tolerance is not reached with the smallest step, a pilot run predicts far too many steps, or the equations
+        have no solution from some time on.
     """
     if edges.size > _LONG:
         first = edges[: edges.size // _PILOT]
@@ -149,7 +147,7 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
     while coarse.edges.size <= _MOST_STEPS:
         allowed = accuracy.allowed(coarse.q)
         finer = _split(coarse.edges, accuracy.roughness(coarse, allowed) > _SMOOTH)
-        fine = march(problem, method, finer, start, coarse, _NEWTON_SHARE * min(allowed))
+        fine = march(problem, method, finer, start, coarse, _NEWTON_FRACTION * min(allowed))
         errors = accuracy.errors(coarse, fine)
         error = errors[0]
         if all(item <= bound for item, bound in zip(errors, allowed, strict=True)):

@@ -1,13 +1,13 @@
-"""From a maneuver to the motion at the instants asked for: which way is taken, and what its failures mean.
+"""Motion at the requested times for a maneuver, by the first applicable method.
 
 =================  ==================================================================================================
-initial state      only t = 0 is asked for: nothing is to be found
-steady rotation    at constant hub speed the beam's equations have a closed form, exact but for rounding
+initial state      only t = 0 is requested: nothing to solve
+steady rotation    at constant hub speed the beam's equations have a closed form, exact to rounding error
 modal collocation  without damping and axial modes each mode vibrates in closed form: few, long steps
-free-hub modes     a torque moves slow modes, which the fast ones follow: each mode's motion is exact, long windows settle
-                   by sweeps
-collocation        any equations, any maneuver, and what misses the tolerance in another way; steady rotation follows it
-                   where the hub's speed becomes constant
+free-hub modes     a torque excites slow modes, which the fast modes follow: each mode's motion is exact, the forces in long
+                   windows are solved by fixed-point sweeps
+collocation        any equations, any maneuver, and if another method does not reach the tolerance; followed by steady
+                   rotation when the hub's speed becomes constant
 =================  ==================================================================================================
 """
 
@@ -24,13 +24,13 @@ from boomctl.rotating_beam.motion.refinement import refine
 from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.motion.steady_rotation import vibration_amplitudes
 from boomctl.rotating_beam.motion.trajectory import FreeTrajectory
-from boomctl.rotating_beam.result import Motion, kept_states, small_deformation_until
+from boomctl.rotating_beam.result import Motion, known_states, small_deformation_until
 
-_JUMP = 1e-11  # of the whole time: steps so short are there for a jump of the torque that lies in them
+_JUMP = 1e-11  # Step length over the full duration below which a step encloses a jump of the torque.
 
 
 def motion_of(scene: Scene) -> Motion:
-    """Find a motion in the first of the ways that applies; by collocation where that misses the tolerance.
+    """Solve a motion by the first applicable method; by collocation if that does not reach the tolerance.
 
     Parameters
     ----------
@@ -39,8 +39,7 @@ def motion_of(scene: Scene) -> Motion:
     Raises
     ------
     SimulationError
-        If the mass matrix ceases to be positive definite, the motion grows out of bounds, or the tolerance is not
-        reached.
+        If the mass matrix ceases to be positive definite, the motion overflows, or the tolerance is not reached.
     """
     if scene.end == 0.0:
         y, rate = (item[None] for item in scene.start)
@@ -51,11 +50,11 @@ def motion_of(scene: Scene) -> Motion:
         return _sampled(scene, *_with_hub(scene, q, v), 0.0, 0, (scene.steady.name,))
     if (scene.equations.free_hub_form if driven else scene.equations.normal_form) is None:
         return _collocated(scene)
-    found = _by_free_modes(scene) if driven else _by_modes(scene)
-    if found is not None:
-        return found
-    name, found = "free-hub modes" if driven else "modal collocation", _collocated(scene)
-    return replace(found, stages=(f"{name} (given up)", *found.stages))
+    motion = _by_free_modes(scene) if driven else _by_modes(scene)
+    if motion is not None:
+        return motion
+    name, motion = "free-hub modes" if driven else "modal collocation", _collocated(scene)
+    return replace(motion, stages=(f"{name} (given up)", *motion.stages))
 
 
 def _by_modes(scene: Scene) -> Motion | None:
@@ -76,7 +75,7 @@ def _by_free_modes(scene: Scene) -> Motion | None:
     form, corners = scene.equations.free_hub_form, np.array([*scene.maneuver.breakpoints, scene.end])
     assert form is not None
     edges = scene.first_steps(scene.end, graded=False)
-    if scene.given:
+    if scene.user_defined:
         jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
         corners = np.concatenate([corners, edges[jumps], edges[jumps + 1]])
     result = free_motion(form, scene, np.unique(corners[(corners > 0.0) & (corners <= scene.end)]))
@@ -110,7 +109,7 @@ def _collocated(scene: Scene) -> Motion:
 
 
 def _with_hub(scene: Scene, q: Array, v: Array) -> tuple[Array, Array]:
-    """Coordinates and rates of hub and beam at the watched instants, the hub's motion prescribed."""
+    """Return coordinates and rates of hub and beam at the watched times, the hub's motion prescribed."""
     maneuver = scene.maneuver
     assert isinstance(maneuver, PrescribedMotion)
     angle, speed = maneuver.angle(scene.watched), maneuver.speed(scene.watched)
@@ -118,7 +117,7 @@ def _with_hub(scene: Scene, q: Array, v: Array) -> tuple[Array, Array]:
 
 
 def _moved(scene: Scene, trajectory: ModalTrajectory | FreeTrajectory, error: float, stage: str) -> Motion:
-    """A motion that is known at any instant."""
+    """Return the motion of a trajectory that is known at any time."""
     row, watched = scene.equations.tip.transverse, scene.watched
     displacement = trajectory.displacement(row, watched)
 
@@ -126,21 +125,21 @@ def _moved(scene: Scene, trajectory: ModalTrajectory | FreeTrajectory, error: fl
         return trajectory(watched[part])[1][:, 1:] @ row
 
     until = small_deformation_until(watched, displacement, scene.length, tip_rate)
-    asked, states = _asked(scene, displacement), partial(trajectory, scene.timepts)
-    return Motion(asked, until, states, error, trajectory.steps, (stage,))
+    tip, states = _at_timepts(scene, displacement), partial(trajectory, scene.timepts)
+    return Motion(tip, until, states, error, trajectory.steps, (stage,))
 
 
 def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, stages: tuple[str, ...]) -> Motion:
-    """A motion of coordinates and rates at the watched instants."""
+    """Return the motion of coordinates and rates at the watched times."""
     row = scene.equations.tip.transverse
     tip = y[:, 1:] @ row
     until = small_deformation_until(scene.watched, tip, scene.length, lambda part: rate[part, 1:] @ row)
-    states = partial(kept_states, _asked(scene, y), _asked(scene, rate))
-    return Motion(_asked(scene, tip), until, states, error, steps, stages)
+    states = partial(known_states, _at_timepts(scene, y), _at_timepts(scene, rate))
+    return Motion(_at_timepts(scene, tip), until, states, error, steps, stages)
 
 
-def _asked(scene: Scene, watched: Array) -> Array:
-    """Of values at the watched instants those at the instants asked for."""
+def _at_timepts(scene: Scene, watched: Array) -> Array:
+    """Select the values at the requested times from the values at the watched times."""
     if scene.watched is scene.timepts:
         return watched
     return watched[np.searchsorted(scene.watched, scene.timepts)]

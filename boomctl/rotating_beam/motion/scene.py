@@ -1,4 +1,4 @@
-"""A motion that is asked for, and the first steps in which it is looked for."""
+"""Simulation problem of a hub-beam, and its first steps."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,29 +15,29 @@ from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, To
 from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps
 from boomctl.rotating_beam.motion.steady_rotation import SteadyRotation, steady_rotation
 
-_WATCHED = 16.0  # instants in a period of the lowest mode at which the tip is watched: it turns by 22 degrees between
-_CAUTION = 2.0  # times the difference of two levels of steps, the error where a user's function has a kink (measured)
-_LONGEST = 3e5  # radians of the slowest mode that a motion may last: half a minute and some gigabytes (measured)
+_WATCHED = 16.0  # Watched times in a period of the lowest mode: its phase changes by 22 degrees between two.
+_CAUTION = 2.0  # Largest error over the difference of two levels of steps where a user's function has a kink.
+_LONGEST = 3e5  # Longest motion, in radians of the slowest mode; limits time and memory.
 
 
 @final
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A motion that is asked for.
+    """Simulation problem: equations, maneuver, requested times, initial state and tolerances.
 
     Attributes
     ----------
     equations : Equations
     maneuver : PrescribedMotion or TorqueDriven
     timepts : ndarray, k
-        Instants, s.
+        Requested times, s.
     start : pair of ndarray, N
         Coordinates and rates of hub and beam at t = 0.
     rtol, atol : float
-        The error of the free end's displacement, and that of the hub angle times the radius, is kept below
-        ``atol + rtol max |displacement|``, m.
+        Limit ``atol + rtol max |displacement|`` [m] on the errors of the free end's displacement and of the hub angle times
+        the radius.
     length : float
-        Of the beam, m.
+        Length of the beam, m.
     radius : float
         Distance of the free end from the axis, m.
     """
@@ -53,7 +53,7 @@ class Scene:
 
     @property
     def end(self) -> float:
-        """The last instant, s."""
+        """Last requested time, s."""
         return float(self.timepts[-1])
 
     @property
@@ -68,14 +68,14 @@ class Scene:
 
     @cached_property
     def problem(self) -> Problem:
-        """What is to be solved."""
+        """Equations to be solved by collocation."""
         if isinstance(self.maneuver, PrescribedMotion):
             return PrescribedProblem(self.equations, self.maneuver)
         return TorqueDrivenProblem(self.equations, self.maneuver)
 
     @cached_property
     def steady(self) -> SteadyRotation | None:
-        """The motion's closed form once the hub speed is constant; None if it never is, or there is none."""
+        """Closed form of the motion once the hub speed is constant; None if it never is, or no closed form exists."""
         maneuver, terms = self.maneuver, self.equations.beam_speed_terms
         if terms is None or isinstance(maneuver, TorqueDriven) or maneuver.steady_from >= self.end > 0.0:
             return None
@@ -83,7 +83,7 @@ class Scene:
 
     @cached_property
     def watched(self) -> Array:
-        """The instants asked for, and enough others that no swing of the lowest mode passes unseen, from 0 on."""
+        """Requested times, with further times from 0 on that resolve the vibration of the lowest mode."""
         timepts = self.timepts
         gap = 2.0 * np.pi / self.equations.frequency_range[0] / _WATCHED
         if max(timepts[0], (timepts[1:] - timepts[:-1]).max(initial=0.0)) <= gap:
@@ -91,26 +91,26 @@ class Scene:
         return np.union1d(timepts, np.linspace(0.0, self.end, int(np.ceil(self.end / gap)) + 1))
 
     @property
-    def given(self) -> bool:
-        """Whether the maneuver is made of a user's functions, which may be less smooth than they say."""
+    def user_defined(self) -> bool:
+        """True if the maneuver consists of a user's functions, which may be discontinuous between breakpoints."""
         return isinstance(self.maneuver, HubProfile | Torque)
 
     @property
     def caution(self) -> float:
-        """Times the difference of two levels of steps that the error of a motion may be."""
-        return _CAUTION if self.given else 1.0
+        """Largest error of a motion over the difference of two levels of steps."""
+        return _CAUTION if self.user_defined else 1.0
 
     def accuracy(self, rows: tuple[Array, ...]) -> Accuracy:
-        """Accuracy that two levels of steps have to agree to."""
+        """Return the accuracy to which two levels of steps must agree."""
         return Accuracy(self.rtol / self.caution, self.atol / self.caution, rows)
 
     def first_steps(self, end: float, *, graded: bool) -> Array:
-        """Ends of the first steps, to an instant [s]: see :func:`first_steps`; short where a user's function jumps.
+        """Return the ends of the first steps up to a time [s]: see :func:`first_steps`; short at a user function's jumps.
 
         Raises
         ------
         SimulationError
-            The motion is far too long.
+            If the motion is far too long.
         """
         slowest = self.equations.frequency_range[0]
         if end * slowest > _LONGEST:
@@ -119,4 +119,4 @@ class Scene:
                 f"{_LONGEST:g}, which is about {_LONGEST / slowest:.2g} s here"
             )
         edges = first_steps(self.equations, self.maneuver.breakpoints, end, rtol=self.rtol, graded=graded)
-        return resolving(edges, self.problem.drive) if self.given else edges
+        return resolving(edges, self.problem.drive) if self.user_defined else edges

@@ -10,25 +10,26 @@ from boomctl.exceptions import SimulationError
 from boomctl.maneuvers import PrescribedMotion
 from boomctl.rotating_beam.modal.equations import BeamSpeedTerms
 
-_WORST_CONDITION = 1e8  # of the eigenvectors: half of the digits are left, as many as the default tolerance asks for
+# Condition number of the eigenvectors: half of the digits remain, as the default tolerance needs.
+_WORST_CONDITION = 1e8
 
 Pair = tuple[Array, Array]
 """Coordinates and rates of the beam, n or k x n each."""
 
 
 class SteadyRotation(NamedTuple):
-    """Motion of the beam at a constant hub speed, exact but for rounding.
+    """Motion of the beam at a constant hub speed, exact to rounding error.
 
     Attributes
     ----------
     begin : float
-        From when on, s.
+        Start time, s.
     speed : float
         Hub speed, rad/s.
     flow : callable
-        Returns coordinates and rates after given times [s], of those at the beginning.
+        Returns coordinates and rates after elapsed times [s], from the values at the start.
     name : str
-        Of the form that is used.
+        Name of the closed form.
     """
 
     begin: float
@@ -37,12 +38,12 @@ class SteadyRotation(NamedTuple):
     name: str
 
     def __call__(self, start: Pair, timepts: Array) -> Pair:
-        """Coordinates and rates at instants [s].
+        """Return coordinates and rates at times [s].
 
         Raises
         ------
         SimulationError
-            They exceed every number.
+            If they overflow.
         """
         with np.errstate(over="ignore", invalid="ignore"):
             q, v = self.flow(start, timepts - self.begin)
@@ -71,7 +72,7 @@ def steady_rotation(terms: BeamSpeedTerms, maneuver: PrescribedMotion) -> Steady
 def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> Pair:
     """Rows from coordinates and from rates to the amplitudes of the modes at the free end, n x n each.
 
-    Modes are those of ``K + w^2 K_w`` without damping and gyroscopic terms; one without stiffness counts with 1 rad/s.
+    Modes of ``K + w^2 K_w`` without damping and gyroscopic terms; a mode without stiffness counts with 1 rad/s.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def vibration_amplitudes(terms: BeamSpeedTerms, speed: float, tip: Array) -> Pai
 
 
 def _by_modes(mass: Array, stiffness: Array) -> Callable[[Pair, Array], Pair]:
-    """Without damping and gyroscopic terms every mode turns on its own, whatever its stiffness."""
+    """Return the flow without damping and gyroscopic terms: decoupled modes of any stiffness."""
     from scipy.linalg import eigh
 
     squares, shapes = eigh(stiffness, mass)
@@ -111,7 +112,7 @@ def _by_modes(mass: Array, stiffness: Array) -> Callable[[Pair, Array], Pair]:
 def _by_eigenvectors(
     terms: BeamSpeedTerms, stiffness: Array, damping: Array, force: Array
 ) -> Callable[[Pair, Array], Pair] | None:
-    """In coordinates in which mass and stiffness at rest are unity: there undamped motion is a rotation."""
+    """Return the flow in coordinates with unit mass and stiffness at rest, or None if it is ill-conditioned."""
     n = force.size
     mass_root: Array = np.linalg.cholesky(terms.M)
     stiffness_root: Array = np.linalg.cholesky(terms.K)

@@ -1,8 +1,8 @@
-"""Sweeps over a window of steps: every mode's motion is exact for given forces, and these follow from the motion.
+"""Sweeps over a window of steps: every mode's motion is exact for known forces, which depend on the motion.
 
-A sweep takes the forces at all nodes of the window, moves the modes through it and takes the forces anew (Picard's
-iteration in the frame that moves with the linear motion). What is not linear is weak, and a sweep's error goes down with
-the factorial of their number.
+A sweep evaluates the forces at all nodes of the window, integrates the modes through it and evaluates the forces again
+(Picard's iteration in the frame that moves with the linear motion). The nonlinear terms are weak, and the error falls with
+the factorial of the number of sweeps.
 """
 
 from dataclasses import dataclass
@@ -14,8 +14,8 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.motion.free_modes import FreeModes
 from boomctl.rotating_beam.motion.oscillators import Flow, coordinates
 
-_SWEEPS = 40  # where a window is given up: 6 to 25 are taken (measured), and a shorter window takes fewer
-_NEAR = 10.0  # times what may be left: such a change is the last where it was also smaller by that than the one before
+_SWEEPS = 40  # Most sweeps of a window: 6 to 25 are normal, and a shorter window takes fewer.
+_NEAR = 10.0  # Change over the tolerance at which sweeps stop if it also fell by this factor in the last sweep.
 
 
 @final
@@ -27,7 +27,7 @@ class Swept:
     ----------
     flow : Flow
     torque : ndarray, m s
-        At the nodes, N m.
+        Torque at the nodes, N m.
     force : ndarray, (1 + n) x m x s
         Modal forces at the nodes.
     states : complex ndarray, (1 + n) x (m + 1)
@@ -49,7 +49,7 @@ class Swept:
 def settle(
     modes: FreeModes, flow: Flow, start: Array, torque: Array, watched: tuple[Array, Array], force: Array
 ) -> Swept | None:
-    """Sweep until the next sweep would change too little; None where that does not happen.
+    """Sweep until the change is below the tolerance; return None if it stays above.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ def settle(
     start : complex ndarray, 1 + n
         Modal state at the beginning.
     torque : ndarray, m s
-        At the nodes, N m.
+        Torque at the nodes, N m.
     watched : tuple of ndarray, r x (1 + n) each
-        Rows over coordinates, and over rates, over what may be left of their change: 1 is enough.
+        Rows over coordinates, and over rates, scaled so that a change of 1 is the tolerance.
     force : ndarray, (1 + n) x m x s
-        Where to begin.
+        Initial modal forces.
     """
-    change, seen, impulses = np.inf, None, None
+    change, values, impulses = np.inf, None, None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for sweep in range(1, _SWEEPS + 1):
             states = flow.states(force, start, impulses)
@@ -73,9 +73,9 @@ def settle(
                 begin = flow.beginning(flow.vibrations(force, states))
                 impulses = modes.impulses(coordinates(modes.rates, states)[0], begin)
             following, solvable = modes.forces(z, rate, torque)
-            last, before, seen = seen, change, np.concatenate([watched[0] @ z, watched[1] @ rate])
+            last, before, values = values, change, np.concatenate([watched[0] @ z, watched[1] @ rate])
             if last is not None:
-                change = float(np.abs(seen - last).max())
+                change = float(np.abs(values - last).max())
             if change <= 1.0 or (before < np.inf and change <= min(_NEAR, before / _NEAR)):
                 return Swept(flow, torque, force, states, z, rate, sweep) if (solvable > 0.0).all() else None
             if np.isnan(change):

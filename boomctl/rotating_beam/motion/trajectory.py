@@ -1,4 +1,4 @@
-"""A motion between the nodes of its steps: a polynomial and a free vibration of each mode on every one."""
+"""Motion between the nodes of its steps: a polynomial and a free vibration of each mode on every step."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +13,7 @@ from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes
 from boomctl.rotating_beam.motion.oscillators import coordinates, free_mass, responses, turning
 
-SMOOTH = 1.0  # phase in a step up to which a motion from rest is a polynomial: to 5e-13 with 8 nodes
+SMOOTH = 1.0  # Phase in a step up to which a motion from rest is a polynomial, to 5e-13 with 8 nodes.
 
 
 @final
@@ -24,17 +24,17 @@ class Vibrations:
     Attributes
     ----------
     begin, h : ndarray, w
-        Beginning of each window and length of its steps, s.
+        Start time of each window and length of its steps, s.
     rates : complex ndarray, w x n
-        Of the oscillators, 1/s.
+        Eigenvalues of the oscillators, 1/s.
     shapes : ndarray, w x n x n
         ``x = shapes z``.
     force : ndarray, w x n x m x s
         Modal forces at the nodes.
     starts : complex ndarray, w x n x m
-        Modal states at the beginnings of the steps.
+        Modal states at the starts of the steps.
     answers : complex ndarray, w x n x (s + 2) x s
-        What Legendre terms of the forces do: see `responses`.
+        Responses to Legendre terms of the forces: see `responses`.
     """
 
     begin: Array
@@ -46,11 +46,11 @@ class Vibrations:
     answers: Array
 
     def displacement(self, row: Array, timepts: Array) -> Array:
-        """``row x`` at instants, k."""
+        """Return ``row x`` at times, k."""
         weights = row @ self.shapes / self.rates.imag
-        window, step, elapsed, place = self.placed(timepts)
+        window, step, elapsed, position = self.located(timepts)
         polynomials = np.einsum("wn,wnmj->wmj", weights, self._polynomials.imag)
-        result: Array = legendre.legval(place, polynomials[window, step].T, tensor=False)
+        result: Array = legendre.legval(position, polynomials[window, step].T, tensor=False)
         rates, at = self.rates[window], (window, slice(None), step)
         size, angle = (np.abs(self.waves) * weights[..., None])[at], rates.imag * elapsed[:, None]
         angle += np.angle(self.waves)[at]
@@ -60,18 +60,18 @@ class Vibrations:
         return result
 
     def at(self, timepts: Array) -> tuple[Array, Array, Array]:
-        """Modal coordinates and rates at instants, and of these the part of the free vibrations, k x n each."""
-        window, step, elapsed, place = self.placed(timepts)
+        """Return modal coordinates and rates at times, and the rates of the free vibrations alone, k x n each."""
+        window, step, elapsed, position = self.located(timepts)
         rates = self.rates[window]
         vibrating = self.waves[window, :, step] * turning(rates, elapsed[:, None])[..., 0]
         u = (
-            legendre.legval(place[:, None], self._polynomials[window, :, step].transpose(2, 0, 1), tensor=False)
+            legendre.legval(position[:, None], self._polynomials[window, :, step].transpose(2, 0, 1), tensor=False)
             + vibrating
         )
         return *coordinates(rates, u), coordinates(rates, vibrating)[1]
 
-    def placed(self, timepts: Array) -> tuple[Array, Array, Array, Array]:
-        """Window and step in which each instant lies, the time since its step began, and the place in it, from -1 to 1."""
+    def located(self, timepts: Array) -> tuple[Array, Array, Array, Array]:
+        """Return window and step of each time, the time since the step began, and the position in it, from -1 to 1."""
         window = np.maximum(np.searchsorted(self.begin, timepts, side="right") - 1, 0)
         h, since = self.h[window], timepts - self.begin[window]
         step = np.clip((since / h).astype(int), 0, self.force.shape[2] - 1)
@@ -94,16 +94,16 @@ class Vibrations:
         return self.starts - self._by_force[..., 0]
 
 
-class Piece(NamedTuple):
+class WindowMotion(NamedTuple):
     """Motion through a window, the hub free.
 
     Attributes
     ----------
     begin, h : float
-        Beginning and length of a step, s.
+        Start time of the window and length of its steps, s.
     modes : FreeModes
     fast : ndarray of bool, n
-        Whose vibrations the forces do not know of.
+        True for modes whose vibrations are omitted in the forces.
     force : ndarray, (1 + n) x m x s
         Modal forces at the nodes.
     states : complex ndarray, (1 + n) x (m + 1)
@@ -126,43 +126,43 @@ class FreeTrajectory:
     Attributes
     ----------
     form : FreeHubForm
-    pieces : sequence of Piece
+    windows : sequence of WindowMotion
     """
 
     form: FreeHubForm
-    pieces: tuple[Piece, ...]
+    windows: tuple[WindowMotion, ...]
 
     @property
     def steps(self) -> int:
         """Number of steps."""
-        return sum(piece.force.shape[1] for piece in self.pieces)
+        return sum(item.force.shape[1] for item in self.windows)
 
     def displacement(self, row: Array, timepts: Array) -> Array:
-        """``row q`` at instants, k."""
+        """Return ``row q`` at times, k."""
         return self._vibrations.displacement(row @ self.form.to_q, timepts)
 
     def __call__(self, timepts: Array) -> tuple[Array, Array]:
-        """Coordinates and rates of hub and beam at instants, k x N each."""
-        window, step, elapsed, place = self._vibrations.placed(timepts)
+        """Return coordinates and rates of hub and beam at times, k x N each."""
+        window, step, elapsed, position = self._vibrations.located(timepts)
         x, rate, turned = self._vibrations.at(timepts)
-        start: Array = np.stack([piece.states[0, :-1] for piece in self.pieces])[window, step]
-        force = np.stack([piece.force[0] for piece in self.pieces])[window, step]
+        start: Array = np.stack([item.states[0, :-1] for item in self.windows])[window, step]
+        force = np.stack([item.force[0] for item in self.windows])[window, step]
         h, stages = self._vibrations.h[window], force.shape[1]
         terms = force @ (gauss_method(stages).coefficients @ free_mass(1.0, stages)).T
-        by_force = legendre.legval(place, terms.T, tensor=False)
+        by_force = legendre.legval(position, terms.T, tensor=False)
         r = start.imag + elapsed * start.real + h * h * by_force.imag
         z, z_rate = np.column_stack([r, x]), np.column_stack([start.real + h * by_force.real, rate])
         z_rate += self._carried(window, z, turned)
         return self._physical(z, window), self._physical(z_rate, window)
 
     def _carried(self, window: Array, z: Array, turned: Array) -> Array:
-        """Rates by which hub and slow modes are moved to and fro by the vibrations that the forces do not know of."""
+        """Return rates of hub and slow modes due to the fast vibrations, which the forces omit."""
         result = np.zeros_like(z)
-        for index, piece in enumerate(self.pieces):
+        for index, item in enumerate(self.windows):
             within = np.flatnonzero(window == index)
-            if within.size and piece.fast.any():
-                begun = np.where(piece.fast, turned[within], 0.0).T
-                result[within] = -piece.modes.impulses(z[within].T, begun).T
+            if within.size and item.fast.any():
+                vibrating = np.where(item.fast, turned[within], 0.0).T
+                result[within] = -item.modes.impulses(z[within].T, vibrating).T
         return result
 
     def _physical(self, z: Array, window: Array) -> Array:
@@ -172,7 +172,7 @@ class FreeTrajectory:
 
     @cached_property
     def _vibrations(self) -> Vibrations:
-        begin, h, modes, _, force, states = zip(*self.pieces, strict=True)
+        begin, h, modes, _, force, states = zip(*self.windows, strict=True)
         rates = np.stack([item.rates[1:] for item in modes])
         return Vibrations(
             begin=np.array(begin),

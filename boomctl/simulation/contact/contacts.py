@@ -1,4 +1,4 @@
-"""Places of contact in a plant, and what contact forces do there over a step."""
+"""Contacts in a plant, and the effect of contact forces over a step."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ from boomctl.simulation.plant import ModalPlant, Step
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
-_NOTHING = 1e-7  # of the terms that it is summed from: a feedthrough below that is rounding
-_COARSE = 0.5  # share of a force's velocity that must be left at the end of a step for friction to be resolved
-_MOST_STOPS = 6  # the cases of stops touched grow as 5 to their number: 15,625 with six
+_NOTHING = 1e-7  # Feedthrough, relative to the summed terms, below which it is a rounding error.
+_COARSE = 0.5  # Least velocity at the end of a step by a force, over the one without stiffness, to resolve friction.
+_MOST_STOPS = 6  # The cases of touched stops grow as 5 to their number: 15,625 with six.
 
 
 @dataclass(frozen=True)
@@ -27,13 +27,13 @@ class Contact:
     position, velocity : (n,) ndarray
         Rows that read displacement and velocity from the states.
     through : (2, inputs) ndarray
-        What each input adds to displacement and velocity at once; its rate adds the first row to the velocity.
+        Direct effect of each input on displacement and velocity; its rate adds the first row to the velocity.
     column : (n,) ndarray
-        How the force enters the state equation.
+        Column of the force in the state equation.
     held : (n,) ndarray
-        What a unit force over a whole step adds to the states.
+        Effect of a unit force over a full step on the states.
     gain : float
-        What a unit force over a whole step adds to the velocity at its end.
+        Effect of a unit force over a full step on the velocity at its end.
     """
 
     output: str
@@ -45,10 +45,10 @@ class Contact:
     gain: float
 
     def offsets(self, W: Array, h: float, per_point: int = 1) -> tuple[Array, Array]:
-        """Return what disturbances ``W`` (inputs, steps + 1) add to displacement and velocity at each step.
+        """Return the direct effect of disturbances ``W`` (inputs, steps + 1) on displacement and velocity at each step.
 
-        A prescribed displacement has no corners, at which no friction could hold: between the given times (each
-        ``per_point`` steps) it is read along a cubic, whose rates there are the mean of the slopes on both sides.
+        A prescribed displacement must have a continuous rate, or friction could not stick: between the requested times
+        (every ``per_point`` steps) it is a cubic, whose rates at the times are the mean of the rates on both sides.
         """
         used = np.flatnonzero(self.through[0])
         if not len(used):
@@ -62,22 +62,22 @@ class Contact:
 
 def _smooth(W: Array, h: float, per_point: int) -> tuple[Array, Array]:
     """Return signals (k, steps + 1) and their rates along cubics between every ``per_point``-th step."""
-    H, given = h * per_point, W[:, ::per_point]
-    slopes = np.diff(given, axis=1) / H
-    rates = np.hstack([slopes[:, :1], 0.5 * (slopes[:, 1:] + slopes[:, :-1]), slopes[:, -1:]])
-    s, start, end, slope = np.arange(per_point) / per_point, rates[:, :-1, None], rates[:, 1:, None], slopes[:, :, None]
+    H, points = h * per_point, W[:, ::per_point]
+    means = np.diff(points, axis=1) / H
+    rates = np.hstack([means[:, :1], 0.5 * (means[:, 1:] + means[:, :-1]), means[:, -1:]])
+    s, start, end, slope = np.arange(per_point) / per_point, rates[:, :-1, None], rates[:, 1:, None], means[:, :, None]
     bent = H * (slope * (3.0 * s**2 - 2.0 * s**3) + start * (s - 2.0 * s**2 + s**3) + end * (s**3 - s**2))
-    value = given[:, :-1, None] + bent
+    value = points[:, :-1, None] + bent
     rate = slope * 6.0 * (s - s**2) + start * (1.0 - 4.0 * s + 3.0 * s**2) + end * (3.0 * s**2 - 2.0 * s)
     return (
-        np.hstack([value.reshape(len(W), -1), given[:, -1:]]),
+        np.hstack([value.reshape(len(W), -1), points[:, -1:]]),
         np.hstack([rate.reshape(len(W), -1), rates[:, -1:]]),
     )
 
 
 @dataclass(frozen=True)
 class Contacts:
-    """Friction (a law and its place) and stops (places and the strokes allowed, m)."""
+    """Friction (law and contact) and stops (contacts and allowed strokes, m)."""
 
     law: CoulombFriction | None
     slip: Contact | None
@@ -90,14 +90,14 @@ def contact_at(
 ) -> Contact:
     """Return the contact of a displacement output with a force input.
 
-    ``least`` is what must be left at the end of a step of the velocity that a force would bring without stiffness, as
-    a share of it.
+    ``least`` is the least velocity at the end of a step by a force, relative to the velocity without stiffness.
 
     Raises
     ------
     ValueError
-        Unknown names; the force moves the displacement or its velocity at once (no inertia between them), or not at
-        all, or against itself; a control moves the displacement at once; steps too long for the motion.
+        If a name is unknown; the force changes the displacement or its velocity directly (no inertia between them), or not
+        at all, or in the opposite direction; a control changes the displacement directly; or the steps are too long for the
+        motion.
     """
     o = plant.output_labels.index(known("output of a contact", output, plant.output_labels))
     i = plant.input_labels.index(known("input of a contact", force, plant.input_labels))
@@ -132,10 +132,10 @@ def contact_at(
     )
 
 
-def stop_places(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, float]]:
-    """Return output, force input and stroke allowed [m] of each end stop.
+def parse_stops(limit: StrokeLimit, plant: ModalPlant) -> list[tuple[str, str, float]]:
+    """Return output, force input and allowed stroke [m] of each end stop.
 
-    A number holds for all outputs ``stroke_*`` that have an input ``suspension_*`` of the same suffix.
+    A number applies to all outputs ``stroke_*`` that have an input ``suspension_*`` of the same suffix.
     """
     if limit is None:
         return []
@@ -167,16 +167,16 @@ def contacts_of(
     plant: ModalPlant,
     maps: Step,
     friction: CoulombFriction | None,
-    places: list[tuple[str, str, float]],
+    parsed: list[tuple[str, str, float]],
     driven: tuple[str, ...],
 ) -> Contacts | None:
-    """Return all contacts, ``None`` where there are none."""
+    """Return all contacts, ``None`` if there are none."""
     slip = (
         None
         if friction is None
         else contact_at(plant, maps, friction.slip_output, friction.force_input, driven=driven, least=_COARSE)
     )
-    stops = tuple(contact_at(plant, maps, output, force, driven=driven) for output, force, _ in places)
+    stops = tuple(contact_at(plant, maps, output, force, driven=driven) for output, force, _ in parsed)
     if slip is None and not stops:
         return None
-    return Contacts(friction, slip, stops, np.array([size for _, _, size in places]))
+    return Contacts(friction, slip, stops, np.array([size for _, _, size in parsed]))

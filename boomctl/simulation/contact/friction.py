@@ -1,11 +1,11 @@
-"""Coulomb friction as a set-valued law: the force that holds if it can, the force of sliding if it cannot.
+"""Coulomb friction as a set-valued law: the force that keeps the slip at rest if admissible, else the sliding force.
 
-Within a step the friction force is constant but for one change, where sliding comes to rest; its mean is found from
+Within a step the friction force is constant except for one change, where sliding comes to rest; its mean is computed from
 the exact motion of the plant, which is linear in it, so that the slip velocity at the end of the step obeys the law
-``-F sign(v)``, any force within ``[-F, F]`` at rest.  Nothing is smoothed.  Sliding, sticking, reversal and
-break-away are each of second order in the step.
+``-F sign(v)``, any force within ``[-F, F]`` at rest.  The law is not smoothed.  Sliding, sticking, reversal and break-away
+are each of second order in the step.
 
-Source: Moreau (1988) and Jean (1999) for the time stepping; the division of the step at the reversal is ours.
+Source: Moreau (1988) and Jean (1999) for the time stepping, here with a division of the step at the reversal.
 """
 
 from dataclasses import dataclass
@@ -29,20 +29,19 @@ class CoulombFriction:
     force_input : str
         Name of the force input of the plant through which friction acts.
     slip_output : str
-        Name of the slip: the displacement on which that force does work.
+        Name of the slip: the displacement on which this force does work.
     substeps : int
-        Number of steps of the computation from one instant asked for to the next; the result's ``error_estimate`` tells
-        whether they are enough.
+        Number of computed steps between two requested times; the result's ``error_estimate`` shows whether it is sufficient.
 
     Attributes
     ----------
     _breakaway_force : float
-        Largest force that holds [N].
+        Largest sticking force [N].
 
     Raises
     ------
     TypeError, ValueError
-        A force not positive, ``breakaway_force`` below ``sliding_force``, fewer than one step.
+        If a force is not positive, ``breakaway_force`` is below ``sliding_force``, or ``substeps`` is less than 1.
 
     Examples
     --------
@@ -76,15 +75,15 @@ class CoulombFriction:
 
     @property
     def _breakaway_force(self) -> float:
-        """Largest force that holds [N]."""
+        """Largest sticking force [N]."""
         return float(self.sliding_force if self.breakaway_force is None else self.breakaway_force)
 
 
 class Slip(NamedTuple):
-    """Slip velocity, whether it is at rest, and the mean force that held it over the whole step before (or ``None``).
+    """Slip velocity, sticking or not, and the mean sticking force over the full previous step (or ``None``).
 
-    The load is extrapolated from that force to find where the slip breaks away, which matters where ``breakaway_force``
-    exceeds ``force``.
+    The load is extrapolated from this force to locate the break-away within a step, which matters if ``breakaway_force``
+    exceeds ``sliding_force``.
     """
 
     velocity: float
@@ -97,9 +96,9 @@ class Slip(NamedTuple):
 
 
 class FrictionStep(NamedTuple):
-    """Mean friction force over a step [N], slip velocity at its end, and how the step went.
+    """Mean friction force over a step [N], slip velocity at its end, and course of the step.
 
-    ``sliding`` is the share of the step before sliding came to rest (1: it did not, 0: it stuck from the beginning).
+    ``sliding`` is the fraction of the step before sliding came to rest (1: it did not, 0: it stuck from the start).
     """
 
     force: float
@@ -114,11 +113,11 @@ def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) ->
     Parameters
     ----------
     slip : Slip
-        At the beginning of the step.
+        Slip at the start of the step.
     free : float
-        Slip velocity at the end if there were no friction [m/s].
+        Slip velocity at the end without friction [m/s].
     gain : float
-        What a unit force over the step adds to it [m/s/N].
+        Effect of a unit force over the step on this velocity [m/s/N].
     law : CoulombFriction
     """
     velocity, stuck, held = slip
@@ -130,15 +129,15 @@ def friction_step(slip: Slip, free: float, gain: float, law: CoulombFriction) ->
     end = free + gain * first
     if end * direction > 0.0:
         return FrictionStep(first, end, False, 1.0)
-    share = velocity / (velocity - end) if velocity != end else 1.0
-    rest = 1.0 - share
-    if rest < SUMMED:  # share of a step: what rounding leaves of it is no rest
+    fraction = velocity / (velocity - end) if velocity != end else 1.0
+    rest = 1.0 - fraction
+    if rest < SUMMED:  # fraction of a step: a shorter rest is a rounding error
         return FrictionStep(holding, 0.0, True, 1.0)
-    needed = (holding - share * first) / rest
+    needed = (holding - fraction * first) / rest
     if abs(needed) <= law._breakaway_force:
-        return FrictionStep(holding, 0.0, True, share)
-    mean = share * first + rest * (law.sliding_force if needed > 0.0 else -law.sliding_force)
-    return FrictionStep(mean, free + gain * mean, False, share)
+        return FrictionStep(holding, 0.0, True, fraction)
+    mean = fraction * first + rest * (law.sliding_force if needed > 0.0 else -law.sliding_force)
+    return FrictionStep(mean, free + gain * mean, False, fraction)
 
 
 def _from_rest(holding: float, free: float, gain: float, law: CoulombFriction, held: float | None) -> FrictionStep:
@@ -147,10 +146,10 @@ def _from_rest(holding: float, free: float, gain: float, law: CoulombFriction, h
     if max(abs(start), abs(end)) <= law._breakaway_force:
         return FrictionStep(holding, 0.0, True, 0.0)
     sign = 1.0 if (end if abs(end) > abs(start) else start) > 0.0 else -1.0
-    share = 0.0
+    fraction = 0.0
     if sign * start < law._breakaway_force and slope != 0.0:
-        share = min(max((sign * law._breakaway_force - start) / slope, 0.0), 1.0)
-    mean = share * (start + 0.5 * share * slope) + (1.0 - share) * sign * law.sliding_force
+        fraction = min(max((sign * law._breakaway_force - start) / slope, 0.0), 1.0)
+    mean = fraction * (start + 0.5 * fraction * slope) + (1.0 - fraction) * sign * law.sliding_force
     velocity = free + gain * mean
     if velocity * sign >= 0.0:
         return FrictionStep(holding, 0.0, True, 0.0)

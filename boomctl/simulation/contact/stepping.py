@@ -1,10 +1,10 @@
-"""The loop with contacts, step by step: the friction force and what the stops do, found together.
+"""The loop with contacts, step by step: friction force and stop forces, solved together.
 
-A *row* is what a step ends in: the states, then what the contacts read of them, ``[slip velocity, slip, strokes, stroke
-velocities]``.  All of it is linear in the contact forces.  While the slip is held, the friction force is what the stops
-leave to be held: it is eliminated, and the stops are solved for with the slip at rest.  While it slides the force is
-known.  Only where the slip reverses or breaks away within the step the force depends on what the stops do in another
-way; it is then the root of a function that falls.
+A *row* holds the values at the end of a step: the states, then the contacts' readings of them, ``[slip velocity, slip,
+strokes, stroke velocities]``.  A row is linear in the contact forces.  While the slip sticks, the friction force is a
+reaction: it is eliminated, and the stops are solved with the slip at rest.  While it slides the force is known.  If the slip
+reverses or breaks away within the step, the force depends on the stops nonlinearly; it is then the root of a decreasing
+function.
 """
 
 from dataclasses import dataclass
@@ -19,29 +19,29 @@ from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
 from boomctl.simulation.plant import Step
 from boomctl.simulation.stepping import ControlLog, LoopProblem, run_steps
 
-_ROUNDS = 80  # bisections at most: 1e-13 takes 43, each may be preceded by a step that gains little
+_ROUNDS = 80  # Most bisections: 1e-13 takes 43, each may be preceded by a step that gains little.
 
 Outcome = tuple[Array, FrictionStep | None, StopStep | None]
 
 
 @dataclass(frozen=True)
 class ContactRows:
-    """What contacts read and what their forces do, in rows.
+    """Readings of contacts and effects of their forces, as rows.
 
     Attributes
     ----------
     reads : (2 + 2 stops, n) ndarray
-        What contacts read of the states.
+        Contacts' readings of the states.
     offsets : (steps + 1, 2 + 2 stops) ndarray
-        What the disturbances add to that at each step.
+        Direct effect of the disturbances on the readings at each step.
     jumps : (2 + 2 stops, controls) ndarray
-        What the controls add to it at once.
+        Direct effect of the controls on the readings.
     law : CoulombFriction or None
     held : (n + 2 + 2 stops,) ndarray
-        What a unit friction force over a whole step adds to a row; ``gain`` is its slip velocity.
+        Effect of a unit friction force over a full step on a row; ``gain`` is its slip velocity.
     gain : float
     sliding, sticking : StopMaps
-        What stops do to a row, the friction force given or the slip held.
+        Effect of stops on a row, at a known friction force, or with the slip at rest.
     """
 
     reads: Array
@@ -60,12 +60,12 @@ class ContactRows:
 
 
 def contact_rows(contacts: Contacts, maps: Step, W: Array, per_point: int, driven: Array) -> ContactRows:
-    """Return the rows of some contacts for the disturbances ``W`` (inputs, steps + 1) and the controls driven."""
+    """Return the rows of contacts for the disturbances ``W`` (inputs, steps + 1) and the driven controls."""
     n, none, h = len(maps.Phi), np.zeros(W.shape[1]), maps.h
     slip, stops = contacts.slip, contacts.stops
     moved = [stop.offsets(W, h, per_point) for stop in stops]
     slipped = (none, none) if slip is None else slip.offsets(W, h, per_point)
-    places = [slip, None, *(None for _ in stops), *stops]
+    jumping = [slip, None, *(None for _ in stops), *stops]
     reads = np.vstack(
         [
             *([np.zeros((2, n))] if slip is None else [slip.velocity, slip.position]),
@@ -73,7 +73,7 @@ def contact_rows(contacts: Contacts, maps: Step, W: Array, per_point: int, drive
             *(stop.velocity for stop in stops),
         ]
     )
-    jumps = np.array([np.zeros(len(driven)) if place is None else place.through[1, driven] for place in places])
+    jumps = np.array([np.zeros(len(driven)) if item is None else item.through[1, driven] for item in jumping])
     whole = np.vstack([np.eye(n), reads])
     held, gain = (np.zeros(len(whole)), 1.0) if slip is None else (whole @ slip.held, slip.gain)
     offsets = np.column_stack([slipped[1], slipped[0], *(pair[0] for pair in moved), *(pair[1] for pair in moved)])
@@ -97,12 +97,12 @@ def _maps(rows: Array, n: int, limits: Array) -> StopMaps:
 
 
 def contact_step(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
-    """Return the row with contact forces, from that without them, and what friction and stops did.
+    """Return the row with contact forces, from the row without them, and the friction and stop steps.
 
     Raises
     ------
     ArithmeticError
-        No set of stops is consistent.
+        If no set of stops is consistent.
     """
     step, end = None, row
     if rows.law is not None:
@@ -122,7 +122,7 @@ def _strokes(rows: ContactRows, row: Array) -> Array:
 
 
 def _stopped(rows: ContactRows, maps: StopMaps, row: Array) -> tuple[Array, StopStep | None]:
-    """Return a row with what the stops do, and that."""
+    """Return a row with the effect of the stops, and the stop step."""
     stops = stop_step(maps, _strokes(rows, row), row[len(row) - rows.stops :])
     return (row, None) if stops is None else (row + maps.states @ stops.amounts, stops)
 
@@ -133,7 +133,7 @@ def _friction(rows: ContactRows, free: float, slip: Slip) -> FrictionStep:
 
 
 def _together(rows: ContactRows, row: Array, slip: Slip, alone: FrictionStep) -> Outcome:
-    """Return a step in which stops are touched: held or sliding throughout if either agrees with the law."""
+    """Return a step in which stops are touched: sticking or sliding throughout if either agrees with the law."""
     force = 0.0 if rows.law is None else rows.law.sliding_force
     sliding = (force, -force) if slip.stuck else (-force if slip.velocity > 0.0 else force,)
     for held in (True, False) if slip.stuck or alone.stuck else (False, True):
@@ -144,7 +144,7 @@ def _together(rows: ContactRows, row: Array, slip: Slip, alone: FrictionStep) ->
             continue
         for trial in sliding:
             end, step, stops = _under(rows, row, slip, trial)
-            # of the largest friction force: two forces that differ by less are the same
+            # relative to the sliding force: two forces that differ by less are equal
             if abs(step.force - trial) <= ALIKE * force:
                 return end, step, stops
     return _reversing(rows, row, slip)
@@ -165,17 +165,17 @@ def _holding(rows: ContactRows, row: Array, slip: Slip) -> Outcome | None:
 
 
 def _under(rows: ContactRows, row: Array, slip: Slip, force: float) -> tuple[Array, FrictionStep, StopStep | None]:
-    """Return the row under a friction force, the step that the law answers to what the stops then do, and that."""
+    """Return the row under a friction force, the friction step by the law with these stops, and the stop step."""
     at = len(row) - len(rows.reads)
     end, stops = _stopped(rows, rows.sliding, row + force * rows.held)
     return end, _friction(rows, float(end[at]) - rows.gain * force, slip), stops
 
 
 def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
-    """Return the step whose friction force is the law's own answer, by bisection: the answer grows slower than the force.
+    """Return the step whose friction force is a fixed point of the law, by bisection; the law's force grows slower.
 
-    Where the stops change between two forces there may be none (an impact decides whether the slip breaks away): the
-    law then fails within this one step, the stops hold, and the slip goes on with the velocity that it has.
+    If the stops change between two forces there may be no fixed point (an impact decides whether the slip breaks away): the
+    law is then violated in this step, the stops are satisfied, and the slip continues with its velocity.
     """
     assert rows.law is not None
     size = rows.law._breakaway_force
@@ -186,7 +186,7 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
         if abs(off) <= ALIKE * size:
             return end, step, stops
         low, high = (force, high) if off > 0.0 else (low, force)
-        if high - low <= SOLVED * size:  # of the largest friction force: an interval that no bisection makes narrower
+        if high - low <= SOLVED * size:  # relative to the largest friction force: rounding error of the bisection
             break
         force = step.force if low + 0.1 * (high - low) < step.force < high - 0.1 * (high - low) else 0.5 * (low + high)
         end, step, stops = _under(rows, row, slip, force)
@@ -196,16 +196,16 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
 
 @dataclass(frozen=True)
 class ContactLog:
-    """What contacts did.
+    """Record of contacts.
 
     Attributes
     ----------
     friction : (steps,) ndarray
         Mean friction force in each step [N].
     stuck : (steps,) ndarray
-        Share of each step spent at rest.
+        Fraction of each step spent sticking.
     dissipated : (steps,) ndarray
-        Energy that friction took in each step [J].
+        Energy dissipated by friction in each step [J].
     touched : list
         ``(stop, side, step, impulse, speed)`` of each stop touched in each step.
     """
@@ -217,17 +217,17 @@ class ContactLog:
 
     @classmethod
     def of(cls, steps: int) -> "ContactLog":
-        """Return a log to be filled."""
+        """Return an empty log."""
         return cls(np.zeros(steps), np.zeros(steps), np.zeros(steps), [])
 
-    def write_friction(self, k: int, slip: Slip, step: FrictionStep, *, force: float, h: float, way: float) -> None:
-        """Write down what friction did in step ``k`` of ``h`` [s]: it slides at ``force``, the slip moved by ``way``."""
+    def write_friction(self, k: int, slip: Slip, step: FrictionStep, *, force: float, h: float, moved: float) -> None:
+        """Log friction in step ``k`` of ``h`` [s], with sliding force ``force`` and a change of slip by ``moved``."""
         self.friction[k] = step.force
         self.stuck[k] = 1.0 - step.sliding if step.stuck else 0.0
         if slip.stuck:
-            self.dissipated[k] = 0.0 if step.stuck else force * abs(way)
+            self.dissipated[k] = 0.0 if step.stuck else force * abs(moved)
         elif step.sliding == 1.0:
-            self.dissipated[k] = force * abs(way)
+            self.dissipated[k] = force * abs(moved)
         else:
             coming = 0.5 * slip.velocity * step.sliding * h
             going = 0.0 if step.stuck else 0.5 * step.velocity * (1.0 - step.sliding) * h
@@ -235,10 +235,10 @@ class ContactLog:
 
 
 def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Array, ContactLog]:
-    """Step a loop with contacts; return ``C`` times the modal states at the given times, and what contacts did."""
+    """Step a loop with contacts; return ``C`` times the modal states at the requested times, and the contact log."""
     n, per_point = len(p.plant.A), p.grid.per_point
     rows = contact_rows(contacts, p.maps, p.W, per_point, np.asarray(p.controller.driven, dtype=int))
-    kept = ContactLog.of(p.grid.steps)
+    contact_log = ContactLog.of(p.grid.steps)
     old, slip = np.concatenate([p.start, rows.reads @ p.start + rows.offsets[0]]), _at_start(p, rows)
     reach, strokes = contacts.limits, slice(n + 2, n + 2 + rows.stops)
 
@@ -247,28 +247,28 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
         if rows.law is not None or (np.abs(row[strokes]) > reach).any():
             row, step, stops = contact_step(rows, row, slip)
             if step is not None and rows.law is not None:
-                way = float(row[n + 1] - old[n + 1])
-                kept.write_friction(k, slip, step, force=rows.law.sliding_force, h=p.grid.h, way=way)
+                moved = float(row[n + 1] - old[n + 1])
+                contact_log.write_friction(k, slip, step, force=rows.law.sliding_force, h=p.grid.h, moved=moved)
                 slip = slip.after(step)
             if stops is not None:
                 speeds = old[n + 2 + rows.stops :].tolist()
                 for i, (side, impulse) in enumerate(zip(stops.sides.tolist(), stops.impulses.tolist(), strict=True)):
                     if side:
-                        kept.touched.append((i, int(side), k, impulse, speeds[i]))
+                        contact_log.touched.append((i, int(side), k, impulse, speeds[i]))
         old = row
         return row
 
-    return run_steps(p, log, *_row_maps(p, rows), touched)[:, ::per_point], kept
+    return run_steps(p, log, *_row_maps(p, rows), touched)[:, ::per_point], contact_log
 
 
 def _row_maps(p: LoopProblem, rows: ContactRows) -> tuple[Array, Array]:
-    """Return the map of states and controls to the row a step later, and what disturbances add to it (steps, row)."""
+    """Return the map of states and controls to the row a step later, and the effect of disturbances on it (steps, row)."""
     stepper, forcing, n = p.stepper, p.forcing, len(p.plant.A)
     read = rows.reads @ stepper
     if rows.jumps.shape[1]:
         read[:, n + rows.jumps.shape[1] :] += rows.jumps
-    seen = forcing @ rows.reads.T + rows.offsets[1:]
-    return np.ascontiguousarray(np.vstack([stepper, read])), np.hstack([forcing, seen])
+    readings = forcing @ rows.reads.T + rows.offsets[1:]
+    return np.ascontiguousarray(np.vstack([stepper, read])), np.hstack([forcing, readings])
 
 
 def _at_start(p: LoopProblem, rows: ContactRows) -> Slip:
@@ -276,5 +276,5 @@ def _at_start(p: LoopProblem, rows: ContactRows) -> Slip:
         return Slip(0.0, True, None)
     speed = float(rows.reads[0] @ p.start + rows.offsets[0, 0])
     size = float(np.abs(rows.reads[0]) @ np.abs(p.start)) + float(np.abs(rows.offsets[:, 0]).max())
-    # of the largest slip velocity: less at the beginning is rounding, the slip is at rest
+    # relative to the largest slip velocity: an initial velocity below is a rounding error, the slip is at rest
     return Slip(speed, abs(speed) <= SUMMED * size, None)

@@ -1,9 +1,9 @@
 """End stops: hard, inelastic, one-sided, by complementarity.
 
-A stop that the motion would pass within the step meets it with an impulse at the beginning of the step and a constant
-force over it, such that at the end position and velocity both rest against the stop; where that would have to pull,
-the motion is on its way back already, and an impulse alone keeps it from passing.  Which stops are touched, and how, is
-decided for all of them together, by trying the cases in order of likelihood.
+A stop that the motion would pass within the step exerts an impulse at the start of the step and a constant force over it,
+such that at the end the stroke is at the stop with zero velocity.  If that needs a tensile force, the motion has already
+reversed, and the stop exerts the impulse alone.  The touched stops and their kind of contact are determined for all stops
+together, by testing the cases in order of likelihood.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,27 +16,27 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 
-_DEPENDENT = 1e10  # condition of the stops' equations from which they count as one: six digits of a force are left
+_DEPENDENT = 1e10  # Condition number of the stops' equations from which they count as dependent: six digits remain.
 
 Set = tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class StopContact:
-    """A stop touched from ``time`` to ``end_time``.
+    """Contact with an end stop from ``time`` to ``end_time``.
 
     Attributes
     ----------
     output : str
-        The stroke that ended.
+        Name of the stroke.
     side : int
         +1 at the upper, -1 at the lower end.
     time, end_time : float
-        First and last moment of contact [s].
+        Start and end of the contact [s].
     impact_speed : float
-        Stroke velocity at which it was met [m/s].
+        Stroke velocity at the start [m/s].
     impulse : float
-        Total impulse that the stop gave while it was touched [N s].
+        Total impulse of the stop during the contact [N s].
     peak_force : float
         Largest mean force over a step [N].
     """
@@ -54,10 +54,10 @@ class StopContact:
 
 @dataclass(frozen=True)
 class StopMaps:
-    """Linear maps of the stops over a step: what impulses ``p`` at its beginning and ``h`` times forces do.
+    """Linear maps of the stops over a step: effect of impulses at its start and of ``h`` times forces.
 
     ``position`` and ``velocity`` are (stops, 2 stops): strokes and stroke velocities at the end per impulse and per
-    ``h`` times force; ``states`` (n, 2 stops) likewise for the states.  ``limits`` are the strokes allowed.
+    ``h`` times force; ``states`` (n, 2 stops) is the same map for the states.  ``limits`` are the allowed strokes.
     """
 
     position: Array
@@ -67,10 +67,10 @@ class StopMaps:
     answers: dict[tuple[Set, Set], Array | None] = field(default_factory=dict, repr=False, compare=False)
 
     def answer(self, touched: Set, leaving: Set) -> Array | None:
-        """Return what amounts (2 stops) per unit of ``[strokes, then velocities]`` wanted of the stops touched.
+        """Return the amounts (2 stops) per unit change of ``[strokes, then velocities]`` of the touched stops.
 
-        Strokes of all of them, velocities of those that are not left at once; ``None`` if these depend on each other.
-        Found once for each choice of stops.
+        Strokes of all touched stops, velocities of those that are not ``leaving``; ``None`` if the equations are dependent.
+        Cached for each choice of stops.
         """
         if (touched, leaving) in self.answers:
             return self.answers[touched, leaving]
@@ -92,7 +92,7 @@ class StopMaps:
 
 @dataclass(frozen=True)
 class StopStep:
-    """Impulses (stops,) over a step, the amounts that reach the states (2 stops,), and on which side each is touched."""
+    """Impulses (stops,) over a step, the amounts that act on the states (2 stops,), and the touched side of each."""
 
     impulses: Array
     amounts: Array
@@ -100,7 +100,7 @@ class StopStep:
 
 
 def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | None:
-    """Return what the stops do in a step, ``None`` if nothing.
+    """Return the effect of the stops in a step, ``None`` if none is touched.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
     Raises
     ------
     ArithmeticError
-        No set of stops is consistent.
+        If no set of stops is consistent.
     """
     strokes, rates, limits = position.tolist(), velocity.tolist(), maps.limits.tolist()
     over = [0.0 if abs(x) <= limit else (1.0 if x > 0.0 else -1.0) for x, limit in zip(strokes, limits, strict=True)]
@@ -135,31 +135,31 @@ def stop_step(maps: StopMaps, position: Array, velocity: Array) -> StopStep | No
 
 
 def _consistent(maps: StopMaps, end: list[float], amounts: list[float], met: tuple[Set, tuple[float, ...]]) -> bool:
-    """Return whether no stop is passed, each pushes, and each that is touched would be passed without what it does."""
+    """Return True if no stop is passed, each touched stop pushes, and would be passed without its own effect."""
     count, limits = len(end), maps.limits.tolist()
     for i, side in zip(*met, strict=True):
         if (amounts[i] + amounts[count + i]) * side > 0.0:
             return False
         own = float(maps.position[i, i]) * amounts[i] + float(maps.position[i, count + i]) * amounts[count + i]
-        if (end[i] - own) * side < limits[i] * (1.0 - ALIKE):  # of a stroke: what may be left over where a stop is met
+        if (end[i] - own) * side < limits[i] * (1.0 - ALIKE):  # tolerance relative to the stroke limit
             return False
     return all(abs(x) <= limit * (1.0 + ALIKE) for x, limit in zip(end, limits, strict=True))
 
 
 def _cases(over: list[float]) -> Iterator[tuple[Set, Set, tuple[float, ...]]]:
-    """Yield the stops that may be touched, those of them that are left at once, and the sides; the likely ones first.
+    """Yield candidate sets of touched stops, the stops of them with an impulse alone, and the sides; likely cases first.
 
-    ``over`` is the side of a stop that is passed without stops, zero where none is.  Any stop may be met on either side,
-    because what stops one stroke may drive another.
+    ``over`` is the side of a stop that is passed without stops, zero if none is.  Any stop may be touched on either side,
+    because the force of one stop may drive another stroke.
     """
-    count, seen = len(over), set[Set]()
+    count, tested = len(over), set[Set]()
     first = tuple(i for i, side in enumerate(over) if side)
     fewer = (choice for size in range(len(first), 0, -1) for choice in combinations(first, size))
     others = (choice for size in range(1, count + 1) for choice in combinations(range(count), size))
     for touched in chain(fewer, others):
-        if touched in seen:
+        if touched in tested:
             continue
-        seen.add(touched)
+        tested.add(touched)
         for side in product(*((over[i], -over[i]) if over[i] else (1.0, -1.0) for i in touched)):
             for size in range(len(touched) + 1):
                 for leaving in combinations(touched, size):
@@ -169,7 +169,7 @@ def _cases(over: list[float]) -> Iterator[tuple[Set, Set, tuple[float, ...]]]:
 def merged_hits(
     names: Sequence[str], h: float, start: float, touched: list[tuple[int, int, int, float, float]]
 ) -> tuple[StopContact, ...]:
-    """Return hits from single steps ``(stop, side, step, impulse, speed)``; consecutive steps are one hit."""
+    """Return contacts from single steps ``(stop, side, step, impulse, speed)``; consecutive steps are one contact."""
     hits: list[StopContact] = []
     last: dict[int, int] = {}
     open_hit: dict[int, int] = {}

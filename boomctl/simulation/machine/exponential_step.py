@@ -1,8 +1,8 @@
-"""One explicit step of vibrations under forces that are not linear.
+"""Explicit step of vibrations under nonlinear forces.
 
-``z'' + Omega^2 z = r(z, z', u)``: the vibration is taken by its exact flow, the remainder by Krogstad's (2005) exponential
-Runge-Kutta scheme of fourth order, which integrates a parabola through the remainder's values against that flow.  Forces that
-run along straight lines are exact by that, and modes that nothing excites may turn many times in a step.
+``z'' + Omega^2 z = r(z, z', u)``: the vibration is integrated by its exact flow, the remainder by Krogstad's (2005)
+exponential Runge-Kutta scheme of fourth order, which integrates a parabola through the remainder's values against the flow.
+Forces that are linear in time are exact, and modes without excitation may vibrate many times in a step.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from boomctl.arrays import Array
 if TYPE_CHECKING:
     import casadi
 
-_SERIES = 1.0  # Square of the angle of a step below which closed forms lose digits, and a series is summed.
-_TERMS = 9  # Of that series: 1 / 19! = 8e-18 is left out where the angle is 1.
+_SERIES = 1.0  # Square of the angle of a step below which closed forms suffer cancellation, and a series is summed.
+_TERMS = 9  # Terms of this series: the first omitted one is 1 / 19! = 8e-18 for an angle of 1.
 
 
 def exponential_step(
@@ -38,17 +38,17 @@ def exponential_step(
     z : casadi.SX, 2 m
         Coordinates and rates.
     first, last : casadi.SX
-        Inputs at the beginning and the end; straight lines between.
+        Inputs at the start and the end, linearly interpolated.
     """
     import casadi as ca
 
-    place, rate, middle = z[: len(omega)], z[len(omega) :], 0.5 * (first + last)
+    position, rate, middle = z[: len(omega)], z[len(omega) :], 0.5 * (first + last)
 
     def motion(duration: float) -> tuple[casadi.SX, Callable[[int, casadi.SX], casadi.SX]]:
         """Return the state after undamped motion, and motion from rest under accelerations ``g (t/duration)^k``."""
         c = [ca.DM(item) for item in stumpff((omega * duration) ** 2)]
         cosine, sine = ca.DM(np.cos(omega * duration)), duration * c[0]
-        free = ca.vertcat(cosine * place + sine * rate, cosine * rate - ca.DM(omega**2) * sine * place)
+        free = ca.vertcat(cosine * position + sine * rate, cosine * rate - ca.DM(omega**2) * sine * position)
 
         def pushed(k: int, g: casadi.SX) -> casadi.SX:
             size = math.factorial(k)

@@ -1,4 +1,4 @@
-"""A nonlinear machine as a loop sees it: vibrations in closed form, and all that they leave out; one whose hub may rub."""
+"""Nonlinear machine in a loop: vibrations in closed form plus nonlinear terms; and a machine with hub friction."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from boomctl.lti.machine_modes import MachineModes
 
 @runtime_checkable
 class Machine(Protocol):
-    """A nonlinear machine, such as a flexible beam on a hub."""
+    """Nonlinear machine, such as a flexible beam on a hub."""
 
     def _forced_modes(self, sensors: Sequence[Any]) -> MachineModes:
         """Return its equations, sensors among the outputs."""
@@ -19,7 +19,7 @@ class Machine(Protocol):
 
 
 def reading_states(machine: MachineModes, wanted: Sequence[str]) -> MachineModes:
-    """Return a machine whose outputs include those of its states that a controller reads by their names."""
+    """Return a machine whose outputs include the states that a controller reads by name."""
     more = [name for name in wanted if name in machine.state_labels and name not in machine.output_labels]
     if not more:
         return machine
@@ -34,7 +34,7 @@ def reading_states(machine: MachineModes, wanted: Sequence[str]) -> MachineModes
 
 @dataclass(frozen=True, eq=False)
 class RubbingMachine:
-    """A machine whose hub rubs with a torque ``friction tanh(speed / creep)``.
+    """Machine with hub friction, a torque of ``friction tanh(speed / creep)``.
 
     Attributes
     ----------
