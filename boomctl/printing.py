@@ -163,7 +163,7 @@ class Summarized:
 
     @property
     def message(self) -> str:
-        """What was found, in one sentence."""
+        """Result in one sentence."""
         return self.certificate.summary
 
 

@@ -16,7 +16,7 @@ _ZERO = 1e-15  # entry of a matrix, over its largest, that is a rounded zero
 
 
 class Places(NamedTuple):
-    """Where a matrix has entries that are not zero, row after row: what functions are remembered by."""
+    """Sparsity pattern of a matrix, row by row; key of the cache of functions."""
 
     rows: int
     columns: int

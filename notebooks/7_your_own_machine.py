@@ -229,7 +229,7 @@ axes[0].legend(ncols=2, loc="upper right")
 plt.show()
 
 # %% [markdown]
-# **Result:** with the carriage held, the load swings on for minutes: still by 19.53 mm after 4 s. If the carriage is left free,
+# **Result:** with the carriage held, the load swings on for minutes, by 19.53 mm after 4 s. If the carriage is left free,
 # it also rolls away by a meter. With the controller the swing is gone after two seconds, and the load is back in its
 # place. The drive needs up to 3585 N for it, the model that the controller was designed on has 8 states, the crane
 # has 42 and a filter.

@@ -13,7 +13,7 @@ from boomctl import checks
 
 
 @given(st.floats(1e-90, 1e90), st.sampled_from([1.0, -1.0]), st.floats(-1e-7, 1e-7))
-def test_what_a_message_offers_is_allowed_and_reads_unlike_what_it_refuses(size, sign, share):
+def test_offered_limit_is_valid(size, sign, share):
     limit = sign * size
     assert float(checks.up_to(limit)) <= limit <= float(checks.from_on(limit))
     assert abs(float(checks.up_to(limit)) / limit - 1.0) <= 1e-6

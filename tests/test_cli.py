@@ -146,7 +146,7 @@ def test_an_infinite_peak_is_given_its_reason_and_no_bound(tmp_path):
     assert done.stdout.endswith(", a pole on the imaginary axis\n")
 
 
-def test_an_output_folder_that_cannot_be_made_ends_before_any_work(tmp_path):
+def test_unwritable_output_folder_fails_early(tmp_path):
     (tmp_path / "file").write_text("in the way")
     done = boomctl("reproduce", "boom", "--out", str(tmp_path / "file" / "results"))
     assert done.returncode == 1

@@ -93,7 +93,7 @@ def test_beam_imported_alone_has_other_models():
 
 
 @pytest.mark.slow
-def test_a_module_named_as_a_public_name_from_elsewhere_is_imported_without_a_warning():
+def test_module_with_public_name_imports():
     imported(
         "import warnings, boomctl.analysis; warnings.simplefilter('error', ImportWarning); import boomctl.analysis.nyquist; "
         "assert not isinstance(boomctl.analysis.nyquist, type(sys))"
@@ -101,7 +101,7 @@ def test_a_module_named_as_a_public_name_from_elsewhere_is_imported_without_a_wa
 
 
 @pytest.mark.slow
-def test_systems_of_python_control_pickle_though_it_is_imported_late():
+def test_python_control_systems_pickle():
     """The package learns of python-control where a system of it is made or met, and so does pickle."""
     scene = (
         "import boomctl as bc, sys; system = bc.spray_boom(); assert 'control' not in sys.modules;"

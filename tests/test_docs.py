@@ -151,7 +151,7 @@ def test_functions_say_what_they_take_and_what_they_return():
         assert not _bare(said, "Parameters", "Returns", "Raises"), name
 
 
-def test_functions_show_how_they_are_called_and_say_what_they_refuse():
+def test_functions_have_examples_and_raises():
     """From the import on, and by the name that users know; what takes something refuses something."""
     for function, name in _functions().items():
         assert sections(function).get("Raises") or not inspect.signature(function).parameters, name

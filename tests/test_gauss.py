@@ -6,7 +6,7 @@ import pytest
 from boomctl.gauss import gauss_method, lagrange_integrals
 
 
-def test_integrals_of_lagrange_polynomials_are_exact_for_polynomials():
+def test_lagrange_integrals_exact_for_polynomials():
     nodes, at = np.polynomial.legendre.leggauss(7)[0], np.linspace(-1, 1, 5)
     rows = lagrange_integrals(nodes, at)
     for degree in range(7):

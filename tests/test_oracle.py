@@ -217,7 +217,7 @@ def test_what_is_certified_of_a_few_hard_systems_is_true(quantity):
 
 
 @pytest.mark.parametrize("seed", [119, 569, 712, 1078])
-def test_disk_margin_that_rounding_of_the_loop_changes_is_not_certified(seed):
+def test_disk_margin_changed_by_rounding_uncertified(seed):
     _, system = hard(seed)
     assert margins_outcome(seed, system, Exact.of(system)) == "uncertified"
 

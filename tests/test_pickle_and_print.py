@@ -94,7 +94,7 @@ def _parts(given, depth):
 
 
 @_parametrised(FACTORIES | {"SecondOrderModel, large": lambda: bc.spray_boom(elements=100)})
-def test_it_says_in_a_few_lines_what_it_is_and_so_does_what_its_attributes_lead_to(make):
+def test_repr_is_short_for_results_and_attributes(make):
     given = make()
     assert repr(given).startswith(type(given).__name__)
     for part in {id(part): part for part in [given, *_parts(given, depth=2)]}.values():
@@ -186,7 +186,7 @@ def test_parameters_print_as_python_that_makes_them_again():
     assert repr(t) == "TractorParameters(mass=5432.1)"
 
 
-def test_what_is_computed_when_asked_for_is_so_after_pickling_too():
+def test_lazy_attributes_after_pickling():
     s = bc.sigma(one.boom(), one.OMEGA)
     stored = pickle.loads(pickle.dumps(s))
     assert "computed on first access to .peak" in repr(stored)
@@ -215,7 +215,7 @@ def test_a_copied_system_stands_alone():
     assert second.dynamics(0.0, [1.0], [0.0]) == pytest.approx([-1.0])
 
 
-def test_python_control_is_imported_where_its_systems_learn_to_pickle():
+def test_control_imported_from_one_module():
     package = Path(bc.__file__).parent
     allowed = package / "lti" / "python_control.py"
     for path in set(package.rglob("*.py")) - {allowed, *(package / "lab" / "benchmark").rglob("*.py")}:
@@ -236,7 +236,7 @@ MADE_WHEN_READ = {
 
 
 @pytest.mark.parametrize("name", MADE_WHEN_READ)
-def test_systems_of_a_result_are_made_once_when_read_and_survive_pickle_before_and_after(name):
+def test_result_systems_cached_and_pickled(name):
     result = FACTORIES[name]()
     fresh, printed = pickle.loads(pickle.dumps(result)), repr(result)
     for system in MADE_WHEN_READ[name]:

@@ -68,7 +68,7 @@ def test_what_a_listener_raises_ends_the_computation():
     CALLS["robust stability"]()  # and leaves nothing behind
 
 
-def test_a_computation_within_another_tells_through_the_outer_one():
+def test_nested_computation_reports_to_outer():
     heard = []
     with computing("outer", heard.append), computing("inner") as tell:
         tell("a stage", 1, 2)
@@ -122,7 +122,7 @@ def shown(wait, around="computing('outermost')", until="time.sleep(0.9)", **envi
 
 
 @pytest.mark.skipif(os.name != "posix", reason="terminals of their own are a thing of POSIX")
-def test_a_terminal_shows_a_line_when_it_takes_a_while_and_takes_it_away():
+def test_progress_line_on_terminal():
     seen = shown(0.05, until="sys.stdin.readline()")
     assert "outermost: its stage 3 of 7" in seen
     assert seen.rstrip().endswith("done")

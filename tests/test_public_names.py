@@ -107,7 +107,7 @@ def _lines():
     return sorted(set(lines))
 
 
-def test_public_names_parameters_and_members_are_those_written_down():
+def test_public_names_are_frozen():
     stored = STORED.read_text().splitlines()
     changes = list(difflib.unified_diff(stored, _lines(), "written down", "now", lineterm="", n=0))
     assert not changes, "\n".join([*changes, "deliberate? python -m tests.test_public_names"])

@@ -28,7 +28,7 @@ STUBS = sorted(PACKAGE.rglob("__init__.pyi"))
 
 
 @pytest.mark.parametrize("stub", STUBS, ids=lambda path: path.parent.name)
-def test_a_stub_exports_all_names_that_the_package_loads_from_where_they_are_defined(stub):
+def test_stub_exports_loaded_names(stub):
     package = import_module(".".join(stub.parent.relative_to(PACKAGE.parent).parts))
     tree = ast.parse(stub.read_text())
     imports = [node for node in tree.body if isinstance(node, ast.ImportFrom)]
@@ -78,7 +78,7 @@ def test_words_of_others_are_translated_on_their_page():
         assert f"`{ours}`" in table[word]
 
 
-def test_the_package_lists_each_name_once_by_what_one_wants_to_do():
+def test_package_docstring_lists_each_name_once():
     listed = re.findall(r"\w+", (boomctl.__doc__ or "").partition("A spray boom\n")[2].partition("Names are loaded")[0])
     assert all(listed.count(name) == 1 for name in set(boomctl.__all__) - {"__version__"})
 

@@ -12,7 +12,7 @@ from boomctl.checks import finite_array, known, positive, real, sequence, shown,
 from boomctl.printing import compact
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
-"""What an output is, and how often a displacement was differentiated for it."""
+"""Quantities of outputs, and their order of differentiation from displacement."""
 INTERSAMPLE = ("bl", "zoh")
 """Inputs between samples: band-limited or zero-order hold."""
 EXCITED = 1e-3  # Least power of an input over its largest, to count as excited: 3 % of its amplitude.

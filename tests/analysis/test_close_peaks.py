@@ -48,7 +48,7 @@ def crossings(system, level):
 
 @given(seed=st.integers(0, 10**6))
 @examples(300)
-def test_no_level_below_a_second_peak_is_one_that_nothing_reaches(seed):
+def test_level_below_second_peak_not_proved(seed):
     system, _, peak = resonances(seed)
     assert all(crossings(system, peak * (1.0 - below)) for below in (1e-2, 1e-3, 1e-4))
     assert level_norm(system).upper_bound >= peak * (1.0 - 1e-9)
@@ -56,7 +56,7 @@ def test_no_level_below_a_second_peak_is_one_that_nothing_reaches(seed):
 
 @given(seed=st.integers(0, 10**6))
 @examples(300)
-def test_nor_does_the_sum_over_the_modes_and_it_proves_those_above(seed):
+def test_sum_over_modes_level_below_second_peak(seed):
     system, omega, peak = resonances(seed)
     modes = partial_fractions(system)
     for below in (1e-2, 1e-4, 1e-6):
@@ -82,7 +82,7 @@ def test_nor_does_it_of_several_signals_and_a_direct_way(seed):
 
 @given(seed=st.integers(0, 10**6), apart=st.floats(-16.0, -8.0))
 @examples(100)
-def test_eigenvectors_of_modes_that_are_nearly_alike_are_not_taken_for_better_than_they_are(seed, apart):
+def test_rounding_bound_of_nearly_equal_modes(seed, apart):
     """Those from the left and from the right of two like modes fit badly: norms 0.8 % low were certified."""
     rng = np.random.default_rng(seed)
     omega, damping = np.array([1.0, 1.0 + 10.0**apart, 10.0]), 10.0 ** rng.uniform(-2.5, -0.7)

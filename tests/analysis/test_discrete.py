@@ -63,7 +63,7 @@ def test_poles_whose_image_rounding_hides_have_a_norm():
 
 
 @pytest.mark.parametrize("states", [2, 3, 4])
-def test_the_norm_at_half_the_sampling_rate_is_attained_though_eigenvectors_are_nearly_dependent(states):
+def test_norm_at_nyquist_frequency_of_defective_system(states):
     for seed in range(40):
         rng = np.random.default_rng(seed)
         turned = np.linalg.qr(rng.standard_normal((states, states)))[0]
@@ -118,7 +118,7 @@ def test_singular_values_end_at_half_the_sampling_rate(seed):
     assert s.stable
 
 
-def test_a_continuous_system_and_its_samples_are_compared_where_both_have_frequencies():
+def test_comparison_of_continuous_and_sampled_system():
     slow = control.ss([[0.0, 1.0], [-4.0, -0.04]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
     both = compare_sigma({"continuous": slow, "sampled": control.sample_system(slow, 0.2)})
     assert (both["continuous"].omega == both["sampled"].omega).all()

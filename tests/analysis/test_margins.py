@@ -114,7 +114,7 @@ def test_loops_without_dynamics_around_one_another_have_margins():
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(10, marks=pytest.mark.slow)])
-def test_a_cascade_of_six_loops_bears_what_the_weakest_of_them_bears(seed):
+def test_margins_of_cascade_are_those_of_weakest_loop(seed):
     """Signals scaled further and further apart leave nothing of what leads from one loop to the next."""
     rng, n = np.random.default_rng(seed), 6
     A, C = -np.diag(rng.uniform(0.5, 5.0, n)), np.triu(rng.normal(size=(n, n))) * 10.0 ** rng.uniform(-1, 1, (n, 1))
@@ -127,7 +127,7 @@ def test_a_cascade_of_six_loops_bears_what_the_weakest_of_them_bears(seed):
     assert found.multiloop_output.alpha == pytest.approx(least, rel=1e-3)
 
 
-def test_margins_of_a_slow_and_narrow_loop_are_those_of_the_loop_in_other_units():
+def test_margins_narrow_loop_invariant_to_units():
     """Poles eleven decades below the fastest, and a resonance of a billionth of its frequency: both cross."""
     slow = control.ss(np.diag([-1e-7, -1e5]), [[1e-6], [1e4]], [[1.0, 1.0]], 0.0)
     assert opened(slow, 1.0).phase_margin_omega == pytest.approx(1e-7 * np.sqrt(99.0), rel=0.2)

@@ -46,7 +46,7 @@ def polynomials(rng, size, count):
 
 @examples(300)
 @given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(1, 6), count=st.sampled_from((2, 11)))
-def test_a_cell_is_proved_only_if_all_that_the_polynomial_may_stand_for_is_stable(seed, reach, size, count):
+def test_sampled_cell_proof_includes_polynomial_error(seed, reach, size, count):
     """Every loop within ``missed`` of the polynomial counts, the corners of that included."""
     rng = np.random.default_rng(seed)
     sampled, missed = polynomials(rng, size, count), rng.uniform(0.0, 0.1) * rng.random((size, size))
@@ -73,7 +73,7 @@ def driven(rng, size):
 @pytest.mark.slow
 @examples(300)
 @given(seed=seeds, reach=st.floats(0.02, 1.0), size=st.integers(2, 5))
-def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach, size):
+def test_sampled_level_proof_includes_polynomial_error(seed, reach, size):
     """Gains on the whole circle, of every loop within ``missed`` of the polynomials; where there is room it is proved."""
     rng = np.random.default_rng(seed)
     loops, A = driven(rng, size)
@@ -102,7 +102,7 @@ def test_a_level_is_proved_only_if_no_loop_that_is_meant_reaches_it(seed, reach,
 
 @given(st.floats(-0.9, 0.9), st.floats(0.01, 0.9))
 @examples(60)
-def test_of_one_state_what_is_missed_counts_as_much_as_the_parameter(middle, share):
+def test_polynomial_error_of_one_state_loop(middle, share):
     """``|a + d b + e| < 1`` for all ``|d| <= 1``, ``|e| <= m`` where ``|a| + b + m < 1``."""
     room = 1.0 - abs(middle)
     terms = image({(): np.array([[middle]]), (0,): np.array([[share * room]])})
@@ -186,7 +186,7 @@ def test_a_lightly_damped_sampled_loop_takes_few_cells(monkeypatch, seed):
 
 
 @pytest.mark.slow
-def test_where_cells_of_parameters_would_give_up_those_of_frequencies_prove_the_rest():
+def test_frequency_cells_complete_parameter_cells():
     family, K = masses(np.random.default_rng(0), 2, 4, 0.1, 0.4)
     waiting, tried = [Cell.whole(4)], 0
     prover = BoxLoops.of(family, K).parts()[0].prover(1.0)

@@ -45,7 +45,7 @@ def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width, damper
     assert robust_stability(family, feedback(gain)).proved == (exact > 1.0) or abs(exact - 1.0) < 0.01
 
 
-def test_margin_of_sampled_loop_is_between_stable_and_unstable_boxes():
+def test_sampled_robust_stability_margin_brackets():
     family = oscillators({"k": (3.0, 5.0)}, damper=0.2)
     K = control.ss([], [], [], [[1.0]], 0.1, inputs=["y"], outputs=["u"])
     found = robust_stability_margin(family, K, rtol=0.02, delay=0.05)
@@ -55,7 +55,7 @@ def test_margin_of_sampled_loop_is_between_stable_and_unstable_boxes():
         assert all((np.abs(loop.poles()) < 1.0).all() for loop in loops) == stable
 
 
-def test_the_search_ends_at_the_first_point_where_the_loop_is_unstable():
+def test_search_stops_at_first_unstable_point():
     """It is unstable everywhere: the middle, which is asked first, says so, though a corner is worse."""
     family = oscillators({"k": (3.0, 5.0)})
     found, margin = robust_stability(family, feedback(6.0)), robust_stability_margin(family, feedback(6.0))
@@ -165,7 +165,7 @@ def test_loops_of_a_box_have_poles_of_state_space(make, digits, seed):
         assert (np.abs(mine[:, None] - true).min(axis=0) <= digits * np.abs(true)).all()
 
 
-def test_a_scheduled_loop_has_poles_of_the_loop_frozen_at_each_value():
+def test_scheduled_loop_poles_match_frozen_loop():
     """The parameter that the controller follows changes what the forces act on and what the outputs read, too."""
     family, K = loop_with_changing_sensors(np.random.default_rng(0), ("k", "b"))
     K = control.ss(K.A, K.B, K.C, K.D, inputs=["k", "b"], outputs=K.output_labels)

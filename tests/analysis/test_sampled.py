@@ -25,7 +25,7 @@ def beside_its_margin(plant, controller, loop):
 
 @examples(200)
 @given(st.integers(0, 100_000))
-def test_the_loop_has_the_poles_of_the_loop_stepped_event_by_event(seed):
+def test_sampled_loop_poles_match_event_simulation(seed):
     plant, controller, delay = random_case(seed, "sampled")
     loop = bc.feedback_loop(plant, controller, controller.output_labels, delay=delay)
     brute = np.linalg.eigvals(step_matrix(plant, controller, delay))
@@ -87,7 +87,7 @@ def test_delay_margin_window_wider_than_the_grid_is_found(seed):
 @examples(60)
 @given(st.integers(0, 100_000))
 @example(5544)  # A fourfold pole: rounding of the response moves the crossing by 3e-5.
-def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unstable(seed):
+def test_delay_margin_with_repeated_poles(seed):
     """A regulator and a filter of like weights: poles of the loop come twice, or nearly, in Jordan blocks."""
     rng = np.random.default_rng(seed)
     omega, zeta, dt = rng.uniform(0.5, 5.0), rng.uniform(0.001, 0.2), rng.uniform(0.05, 0.2)
@@ -109,7 +109,7 @@ def test_delays_of_loops_with_repeated_poles_are_those_at_which_they_become_unst
 @pytest.mark.slow
 @examples(100)
 @given(st.integers(0, 100_000))
-def test_every_gain_within_the_disk_is_borne_by_all_signals_at_once(seed):
+def test_gains_within_disk_keep_loop_stable(seed):
     plant, controller, delay = random_case(seed, "sampled")
     assume(radius(plant, controller, delay) < 0.995)
     found = bc.margins(plant, controller, delay=delay)

@@ -145,7 +145,7 @@ def test_controls_may_count_and_wrong_loops_are_refused():
 @pytest.mark.slow
 @given(st.integers(0, 10**6), st.sampled_from(_LATE))
 @examples(20)
-def test_a_sampled_plant_is_the_one_that_a_sampled_controller_sees(seed, late):
+def test_sample_plant_matches_sampled_loop(seed, late):
     plant, K, _ = random_loop(seed)
     seen = bc.analysis.sample_plant(plant, _DT, "u", delay=late * _DT)
     loop, same = bc.feedback_loop(plant, K, delay=late * _DT), bc.feedback_loop(seen, K)

@@ -22,7 +22,7 @@ def test_the_automatic_grid_resolves_every_peak():
         assert (np.abs(result.omega - pole.imag) < np.abs(pole.real)).sum() >= 5
 
 
-def test_model_state_space_and_data_give_the_same_singular_values():
+def test_sigma_of_model_state_space_and_data_agree():
     model, omega = bc.spray_boom(), np.geomspace(0.6, 60.0, 80)
     ours = bc.sigma(model, omega)
     halves = [bc.sigma(part, omega).sigma[0] for part in bc.split_symmetric(model)]
@@ -52,7 +52,7 @@ def test_integrating_modes_have_an_infinite_peak(excitation):
 @pytest.mark.parametrize("damping", [0.0, 0.1])
 @pytest.mark.parametrize("shows", [0.0, 1e-15, 1e-9, 1e-6, 1e-3, 1.0])
 @pytest.mark.parametrize("reads", [True, False])
-def test_the_automatic_grid_keeps_clear_of_undamped_modes_however_little_they_show(damping, shows, reads):
+def test_sigma_grid_avoids_undamped_modes(damping, shows, reads):
     """Two masses on springs, the second undamped; beside its resonance it is a known addition to the first one's."""
     read = shows if reads else 1.0
     model = SecondOrderModel(

@@ -71,7 +71,7 @@ SLOW = [pytest.param(late, marks=pytest.mark.slow) for late in (0.0, 0.07)]
 
 
 @pytest.mark.parametrize("late", [None, *SLOW])
-def test_what_is_proved_is_stable_with_whatever_is_within_the_bounds(late):
+def test_proved_loop_stable_with_any_admissible_dynamics(late):
     """Up to 5 % below where small gain ends; drawn: points of the box, and dynamics that touch the bounds everywhere."""
     rng, plants = np.random.default_rng(0), family()
     K = damper() if late is None else bc.discretize(damper(), 0.1)
@@ -87,7 +87,7 @@ def test_what_is_proved_is_stable_with_whatever_is_within_the_bounds(late):
         assert slowest(plant, K, late or 0.0) < 0.0
 
 
-def test_just_beyond_the_bounds_a_plant_is_unstable_and_nothing_is_proved():
+def test_uncertainty_beyond_bound_not_proved():
     """Of one entry small gain is necessary: a pass of all turns the phase until a pole crosses the axis."""
     plants, K = family(), damper()
     found = bc.robust_stability(plants, K, additive_uncertainty=BOUND)
@@ -129,7 +129,7 @@ def resonance(rng):
 @pytest.mark.parametrize("make", [band_pass, resonance])
 @given(seed=seeds)
 @examples(40)
-def test_samples_of_what_is_below_a_bound_are_below_its_discrete_bound(make, seed):
+def test_discrete_bound_covers_sampled_dynamics(make, seed):
     """However narrow, and wherever samples see it.
 
     Where nothing folds back, the bound of what falls slowly is no more than 1.5 times larger.
@@ -173,7 +173,7 @@ def test_a_bound_is_above_and_falls_as_it_is_told(seed, order, fall):
 
 
 @pytest.mark.slow
-def test_entries_of_several_signals_are_weighed_whatever_their_units():
+def test_uncertainty_invariant_to_units():
     rng, plants = np.random.default_rng(1), family(0.3)
     K = control.ss(
         -8.0 * np.eye(2), 8.0 * np.eye(2), 3.0 * np.eye(2), -3.0 * np.eye(2), inputs=["y", "z"], outputs=["u", "v"]
@@ -202,7 +202,7 @@ def test_entries_of_several_signals_are_weighed_whatever_their_units():
 
 
 @pytest.mark.slow
-def test_bounds_that_samples_fold_without_end_and_schedules_are_refused():
+def test_uncertainty_of_schedules_and_wide_bands_raises():
     flat = named(control.ss([], [], [], 0.01))
     assert bc.robust_stability(family(), damper(), additive_uncertainty=flat).proved
     with pytest.raises(ValueError, match=r"must fall with frequency from u to y, got 0\.01"):

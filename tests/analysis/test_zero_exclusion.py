@@ -14,7 +14,7 @@ from tests.profiles import examples
 
 @given(st.integers(0, 10_000))
 @examples(20)
-def test_couplings_and_diagonals_are_bounded_all_along_an_interval(seed):
+def test_coupling_bounds_hold_along_interval(seed):
     rng = np.random.default_rng(seed)
     modes = zero_exclusion._modes(image(polynomials(rng, 6, 2)), np.array([0.2, 0.1]), np.zeros((6, 6)))
     assert modes is not None

@@ -60,7 +60,7 @@ _COLUMNS = "time_s,jolt_m,yaw_rad\n0,0,0.1\n1,0,0.2\n"
 
 @given(st.data(), st.floats(0.1, 9.0))
 @examples(200)
-def test_a_distance_of_the_actuators_is_read_or_refused_and_never_passed_over(tmp_path_factory, data, distance):
+def test_motion_file_actuator_distance(tmp_path_factory, data, distance):
     path = tmp_path_factory.mktemp("motion") / "motion.csv"
     letters = data.draw(st.lists(st.booleans(), min_size=19, max_size=19))
     name = "".join(c.upper() if up else c for c, up in zip("actuator_distance_m", letters, strict=True))

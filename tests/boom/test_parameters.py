@@ -72,7 +72,7 @@ def test_a_byte_order_mark_is_no_part_of_a_file(tmp_path, kind, values):
     st.floats(-300.0, 300.0),
 )
 @examples(40)
-def test_whatever_the_parameters_an_infinite_peak_is_not_certified(name, decade):
+def test_infinite_peak_is_not_certified(name, decade):
     """The boom as it is has a finite peak, and none of its parameters makes it infinite while it stays above zero."""
     try:
         result, refusal = bc.sigma(bc.spray_boom(bc.BoomParameters(**{name: 10.0**decade}))), ""

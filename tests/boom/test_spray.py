@@ -110,7 +110,7 @@ def test_the_footprint_is_what_it_says(shape):
     assert footprint.cumulative(s) == pytest.approx(share, abs=1e-3)
 
 
-def test_a_straight_boom_between_tips_is_one_with_every_nozzle_given():
+def test_straight_boom_matches_all_nozzles():
     rng = np.random.default_rng(1)
     t, tips = 0.02 * np.arange(801), wandering(rng, 2, 801, 0.1)
     every = tips[0] + (tips[1] - tips[0]) * (X[:, None] + 6.0) / 12.0
@@ -141,7 +141,7 @@ def test_small_jolt_and_yaw_vary_independently():
     assert total.cv**2 == pytest.approx(of_jolt.cv**2 + of_yaw.cv**2, rel=0.03)
 
 
-def test_the_shares_and_the_worst_dose_are_counted_on_the_judged_cells():
+def test_dose_fractions_count_evaluated_cells():
     t, moved = sine(0.3)
     result = bc.spray_deposit(t, moved, X, 2.0)
     dose = result.evaluated_deposit

@@ -34,7 +34,7 @@ def summed(road_class, seed, period, low, waves, distance):
 
 
 @pytest.mark.parametrize("periodic", [False, True])
-def test_the_tracks_of_a_seed_are_built_from_its_first_normal_numbers(periodic):
+def test_track_uses_first_random_numbers_of_seed(periodic):
     """A wave after the other; half sum first, then half difference, cosine before sine."""
     period = 20.0 if periodic else GROUND
     track = bc.iso_track("B", 20.0, 11, spacing=0.1, wave_number_range=(0.05, 0.7), periodic=periodic)
@@ -56,7 +56,7 @@ def test_a_seed_is_the_same_ground_however_long_and_however_fine(seed, short, lo
 
 
 @pytest.mark.slow
-def test_far_down_a_long_track_of_many_points_the_heights_are_those_of_the_sum():
+def test_long_track_matches_sum_of_waves():
     """Behind many blocks, where phases have gone round ten thousand times."""
     track = bc.iso_track("C", GROUND, 2, spacing=0.01, wave_number_range=(0.01, 3.0))
     at = np.array([1, 32767, 32768, 499_999, 777_777, 999_999, 1_000_000])
@@ -76,7 +76,7 @@ def grounds():
     return np.array(found), np.arange(1, 6001) / GROUND
 
 
-def test_a_whole_ground_has_the_density_of_its_class_wave_by_wave(grounds):
+def test_track_density_matches_class(grounds):
     """Shares of the expected size have the mean and the variance of exponential variables, and none is outside."""
     found, n = grounds
     inside = n >= 0.01 * (1 - 1e-9)
@@ -87,7 +87,7 @@ def test_a_whole_ground_has_the_density_of_its_class_wave_by_wave(grounds):
         assert part.var() == pytest.approx(1.0, abs=5.0 * np.sqrt(8.0 / (part.size / 2)))
 
 
-def test_the_sides_of_a_whole_ground_have_in_common_what_the_coherence_says(grounds):
+def test_track_coherence_between_sides(grounds):
     found, n = grounds
     for low, high in ((0.01, 0.04), (0.04, 0.1), (0.1, 0.2), (0.2, 0.4), (0.4, 0.6)):
         chosen = (n >= low) & (n < high)
@@ -114,7 +114,7 @@ def test_the_limits_of_coherence():
     assert np.abs(near.left - near.right).max() < 1e-3 * near.left.std()
 
 
-def test_a_periodic_track_goes_round_and_runs_straight_between_points():
+def test_periodic_track_interpolates_linearly():
     track = bc.iso_track("C", 10.0, 5, periodic=True)
     x = np.array([0.01, 3.37, 9.99])
     assert track.heights(x + 30.0) == pytest.approx(track.heights(x), abs=1e-12)

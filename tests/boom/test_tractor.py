@@ -74,7 +74,7 @@ def test_the_tractor_is_stable_and_raised_ground_moves_no_boom(p, speed):
     assert static @ pitch == pytest.approx([(p.hub_height - p.boom_height) / p.wheelbase] * 2)
 
 
-def test_uphill_the_tractor_hangs_back_by_its_weight_over_the_drives_stiffness():
+def test_tractor_uphill_static_deflection():
     slope, step = 0.05, 0.01
     heights = slope * step * np.arange(6001)
     track = bc.boom.Track(step, heights, heights, P.track_width)
@@ -85,7 +85,7 @@ def test_uphill_the_tractor_hangs_back_by_its_weight_over_the_drives_stiffness()
     assert np.abs(motion.yaw).max() < 1e-12
 
 
-def test_a_tractor_on_the_mirrored_track_does_the_mirrored_motion():
+def test_tractor_mirror_symmetry():
     track = bc.iso_track("D", 60.0, 2)
     mirrored = replace(track, left=track.right, right=track.left)
     found, other = (bc.platform_motion(item, P, 2.5) for item in (track, mirrored))
@@ -108,7 +108,7 @@ def test_a_stone_under_the_left_wheels_turns_the_left_side_back():
     assert np.abs(motion.yaw[motion.time > 18.0]).max() < 0.05 * np.abs(motion.yaw).max()
 
 
-def test_without_steering_a_step_under_one_side_turns_the_heading_for_good():
+def test_tractor_without_steering_changes_heading():
     """Impulses alone count: half the weight times the step's slope, over the speed, at half the track width."""
     free, rise = replace(P, steering_corner_hz=0.0), 0.1
     s = np.clip((0.01 * np.arange(4001) - 8.0) / 0.5, 0.0, 1.0)
@@ -120,14 +120,14 @@ def test_without_steering_a_step_under_one_side_turns_the_heading_for_good():
     assert abs(over.yaw[-1]) < 1e-4 * np.abs(over.yaw).max()
 
 
-def test_a_finer_sampling_of_the_same_straight_ground_changes_nothing():
+def test_tractor_invariant_to_track_sampling():
     track = bc.iso_track("C", 40.0, 1, spacing=0.04, wave_number_range=(0.05, 3.0))
     coarse, fine = (bc.platform_motion(track, P, 2.0, sample_time=h) for h in (0.02, 0.005))
     assert fine.left[::4] == pytest.approx(coarse.left, abs=1e-7 * coarse.left.std())
     assert fine.right[::4] == pytest.approx(coarse.right, abs=1e-7 * coarse.right.std())
 
 
-def test_on_a_periodic_track_each_harmonic_is_the_frequency_response_to_it():
+def test_tractor_harmonics_match_frequency_response():
     """Straight lines between points weigh a harmonic with sinc^2."""
     speed, count = 2.0, 2000
     track = bc.iso_track("C", 80.0, 7, spacing=0.04, periodic=True)
@@ -177,7 +177,7 @@ SLOW = replace(P, steering_corner_hz=2e-4)
 ROUND = bc.iso_track("C", 40.0, 3, spacing=0.04, wave_number_range=(0.05, 3.0), periodic=True)
 
 
-def test_samples_may_be_farther_apart_than_motion_takes_to_settle():
+def test_tractor_coarse_samples():
     """At a crawl, on tires that feel every wave, the motion is that of a track with ends."""
     track = bc.iso_track("C", 40.0, 3, spacing=0.04, wave_number_range=(0.05, 3.0), periodic=True)
     sharp = replace(P, contact_length=0.0)
@@ -187,7 +187,7 @@ def test_samples_may_be_farther_apart_than_motion_takes_to_settle():
     assert motion.left[1:count] == pytest.approx(ended.left[1:count], abs=1e-3 * motion.left.std())
 
 
-def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
+def test_slow_steering_motion_is_periodic():
     """The time it takes to forget the start is 100 rounds; driven once more, the motion is the same."""
     once = bc.platform_motion(ROUND, SLOW, 2.0, sample_time=0.02)
     twice = bc.platform_motion(ROUND, SLOW, 2.0, duration=40.0, sample_time=0.02)
@@ -196,6 +196,6 @@ def test_slow_steering_costs_no_more_rounds_and_leaves_a_motion_that_repeats():
     assert once.yaw[-1] == pytest.approx(once.yaw[0], abs=1e-6 * once.yaw.std())
 
 
-def test_slow_steering_between_samples_that_do_not_fit_into_a_round_is_the_limit_of_finer_ones():
+def test_slow_steering_converges_with_sampling():
     coarse, fine = (bc.platform_motion(ROUND, SLOW, 2.0, 10.0, sample_time=h) for h in (0.01 / 0.97, 0.001 / 0.97))
     assert fine.yaw[::10][: len(coarse.yaw)] == pytest.approx(coarse.yaw, abs=3e-3 * np.abs(coarse.yaw).max())

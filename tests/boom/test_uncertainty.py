@@ -37,7 +37,7 @@ def test_a_heavier_boom_keeps_its_tubes_share():
         assert scaled.tube_inertia / scaled.boom_inertia == pytest.approx(p.tube_inertia / p.boom_inertia)
 
 
-def test_the_yaw_frequency_runs_from_the_models_to_the_measured_one():
+def test_yaw_family_frequency_range():
     family = yaw_family()
     assert family.at([-1.0]).eigenfrequencies_hz(1)[0] == pytest.approx(0.2450, abs=1e-4)
     stiff = spray_boom(replace(BoomParameters(), spring_stiffness=float(family.high[0])))
@@ -45,7 +45,7 @@ def test_the_yaw_frequency_runs_from_the_models_to_the_measured_one():
     assert yaw_family(subsystem="yaw").nominal.input_labels == ("actuator_anti", "suspension_anti")
 
 
-def test_springs_go_up_to_those_of_the_measured_yaw_whatever_the_dampers():
+def test_spring_range_reaches_measured_yaw():
     """A damper at the hinge that leaves the yaw no frequency changes the damping alone."""
     damped = replace(BoomParameters(), hinge_damping=700.0)
     with pytest.raises(ValueError, match="frequency_hz"):

@@ -51,7 +51,7 @@ def test_what_is_proved_over_the_box_holds_on_the_true_rig(made, states, most):
 
 
 @pytest.mark.slow
-def test_h_infinity_is_better_on_the_rig_as_fitted_where_no_controller_is_much_better():
+def test_h_infinity_near_bound_on_fitted_rig():
     P = weighed(rig(measured().parameters))
     norms = [bc.hinf_norm(bc.lft(P, each.controller)).lower_bound for each in (tuned(), optimal())]
     assert optimal().certificate.lower_bound <= norms[1] < norms[0]

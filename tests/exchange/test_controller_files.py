@@ -70,7 +70,7 @@ def test_c_code_in_single_precision_is_close(tmp_path, states):
     assert 0.0 < off < 1e-5 * largest
 
 
-def test_c_code_test_stays_within_limits_first_and_exceeds_them_then():
+def test_c_code_test_covers_limits():
     """Of what is measured in it: the first half asks for no more than each limit allows, the second for more of one."""
     own = of(controller(3, 4, 2, 2, 0.01), any_time=True)
     force, step, none = np.array([0.7, np.inf]), np.array([0.2, 0.4]), np.full(2, np.inf)
@@ -188,7 +188,7 @@ def test_c_needs_signals():
 
 
 @pytest.mark.parametrize("suffix", [".json", ".mat", ".c"])
-def test_the_controller_of_a_half_is_refused_unless_a_half_is_meant(tmp_path, suffix):
+def test_write_subsystem_controller_raises(tmp_path, suffix):
     signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     K, path = control.ss([], [], [], [[-100.0]], 0.01, **signals), tmp_path / f"yaw{suffix}"
     with pytest.raises(ValueError, match=r"'stroke_anti' is a signal of a half.*join_symmetric"):

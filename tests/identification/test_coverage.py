@@ -83,7 +83,7 @@ def correlated(rng):
 
 
 @pytest.mark.slow
-def test_intervals_of_correlated_errors_hold_where_those_of_independent_ones_do_not():
+def test_block_intervals_cover_correlated_errors():
     truth = {**CHAIN, "c": 4e-3}
     assert (held(correlated, truth, truth, 100) > 0.88).all()  # 0.93 and 0.92 seen; chance is 2.5 %
     assert (held(correlated, truth, truth, 100, error_std=0.05) < 0.8).all()

@@ -38,7 +38,7 @@ def test_the_family_is_the_model_over_the_box(found):
         np.testing.assert_allclose(family.at(delta).ports.B, true.ports.B, rtol=1e-12)
 
 
-def test_a_box_of_all_at_once_is_wider_than_the_intervals_and_a_margin_widens_it_more(found):
+def test_family_box_is_wider_than_intervals(found):
     boxes = found.family(), found.family(0.99), found.family(range_margin=0.1)
     for name, (low, high) in found.intervals.items():
         (a, b), (c, d), (e, f) = (box.ranges[name] for box in boxes)
@@ -70,7 +70,7 @@ def test_a_hub_beam_that_was_fitted_makes_its_family():
     assert found.family().nominal.input_labels == ("torque", "disturbance_torque", "tip_force")
 
 
-def test_identified_modes_make_a_family_over_their_frequencies_and_dampings():
+def test_family_of_identified_modes():
     rng, step = np.random.default_rng(0), 0.02
     force = rng.standard_normal((4000, 2))
     mass = three_masses(0.02)
@@ -205,7 +205,7 @@ def test_family_of_damping_beyond_critical_is_cut():
 
 
 @pytest.mark.slow
-def test_the_box_holds_the_truth_and_a_controller_tuned_over_it_is_stable_there(capsys):
+def test_box_contains_truth_and_tuned_loop_is_stable(capsys):
     """Of many data sets: 95 % boxes, Bonferroni's and so a little wide. Every tenth is tuned over, as that takes long."""
     sets = 100 if is_hunt() else 30
     held, stable, proved = 0, 0, 0

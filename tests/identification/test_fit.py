@@ -296,7 +296,7 @@ def test_fit_product_of_two_free_factors_is_undetermined():
     assert found.values["k2"] * found.values["e"] == pytest.approx(single.values["k2"], rel=1e-6)
 
 
-def test_as_many_parameters_as_numbers_have_no_intervals_unless_the_errors_are_known():
+def test_fit_without_redundancy_has_no_intervals():
     measured = frequencies(CHAIN)[:2]
     open_ends = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, n_starts=1)
     assert set(open_ends.intervals.values()) == {(0.0, np.inf)}
@@ -384,7 +384,7 @@ def test_parameters_that_a_model_refuses_are_not_searched():
 
 
 @pytest.mark.parametrize("kind", ["frequencies", "response", "singular values"])
-def test_a_picture_shows_measured_beside_fitted_and_is_known_to_pyplot(kind):
+def test_fit_plot_shows_data_and_model(kind):
     if kind == "frequencies":
         found = bc.fit(frequencies, frequencies(CHAIN) * np.array([1.02, 0.98, 1.01]), ["k1"], CHAIN, n_starts=1)
     elif kind == "response":
@@ -462,7 +462,7 @@ def test_days_that_differ_make_the_interval_as_wide_as_they_do():
 
 
 @pytest.mark.parametrize("wrong", [0.0, 0.02])
-def test_an_error_of_the_model_is_told_from_noise_by_days_that_repeat_it(wrong):
+def test_fit_datasets_reveal_model_error(wrong):
     rng = np.random.default_rng(2)
     days = [day(rng, 900.0, wrong) for _ in range(4)]
     found = bc.fit(dense, days, ["k1", "k3", "c"], {**CHAIN, "c": 4e-3}, n_starts=1)
@@ -470,7 +470,7 @@ def test_an_error_of_the_model_is_told_from_noise_by_days_that_repeat_it(wrong):
     assert abs(1.0 - found.certificate.residual_ratio**-2 - share) < 0.1
 
 
-def test_days_of_frequencies_are_paired_with_modes_each_by_itself():
+def test_fit_pairs_modes_per_dataset():
     exact = frequencies(CHAIN)
     found = bc.fit(frequencies, [exact * 1.001, exact[:2], exact * 0.999], ["k1", "k2", "k3"], CHAIN, n_starts=1)
     assert found.mode_numbers == (1, 2, 3, 1, 2, 1, 2, 3)

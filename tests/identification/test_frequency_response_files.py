@@ -99,7 +99,7 @@ def complex_table(response, separator=",", decimal="."):
 @pytest.mark.parametrize(
     "head", ["", "\ufeff", "# shaker, run 3\n", "sep={}\n"], ids=["plain", "mark", "comment", "sep"]
 )
-def test_a_complex_response_comes_back_to_the_last_bit_from_each_dialect(tmp_path, separator, decimal, head):
+def test_response_file_round_trip(tmp_path, separator, decimal, head):
     if "sep" in head and separator.isspace() and separator != "\t":
         head = ""  # spreadsheets name no blanks
     text = head.format(separator) + complex_table(shaken(), separator, decimal)

@@ -104,7 +104,7 @@ def test_exact_records_give_exact_modes():
 
 
 @pytest.mark.slow
-def test_a_mode_is_found_where_it_is_and_not_at_its_mirror_image_above_half_the_sampling_rate():
+def test_identify_mode_not_aliased():
     """Of held inputs both answer alike: what is found above the band lies in none."""
     omega, damping = 2.0 * np.pi * np.array([4.0, 36.0]), np.array([0.005, 0.04])
     columns = {"f": [1.0, 1.0]}, {"y": [1.0, 1.0]}
@@ -274,7 +274,7 @@ def twin(seed):
 
 
 @pytest.mark.slow
-def test_intervals_of_random_twins_hold_and_modes_are_those_of_the_truth():
+def test_identify_intervals_of_random_systems():
     """Errors of 0.1 to 30 %, white and colored, dampings of 0.05 to 5 %, modes 1 % apart, 8 to 600 periods, quantized."""
     held, false = [], 0
     seeds = range(200) if is_hunt() else [*range(60), 169, 192]  # a weak mode near a strong one; a weak pair 1 % apart

@@ -58,7 +58,7 @@ def test_response_from_transient_record_is_exact(damping):
     assert np.abs((H.frdata - exact) / size).max() < 1e-3
 
 
-def test_periods_in_steady_state_are_exact_and_their_scatter_is_the_deviation():
+def test_response_of_periods_exact_with_deviation():
     model, rng = three_masses(0.01), np.random.default_rng(2)
     one = [noise(1000, 2, 12.0, seed=k) for k in (1, 2)]
     u = [np.tile(each, (8, 1)) for each in one]
@@ -313,7 +313,7 @@ def test_bad_records_are_refused_in_one_line(changed, said):
     assert "\n" not in str(refused.value)
 
 
-def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
+def test_coarse_and_binary_signals_accepted():
     rng = np.random.default_rng(0)
     levels = np.sign(rng.standard_normal(2000))
     swinging = np.round(20.0 * np.sin(STEP * np.arange(2000) * 3.0)) + levels
@@ -321,7 +321,7 @@ def test_coarse_signals_at_rest_and_two_level_inputs_are_no_bad_records():
     assert np.allclose(record.y[0][:, 0], swinging - swinging.mean())
 
 
-def test_the_picture_shows_magnitudes_with_deviations_and_coherences(driven):
+def test_response_plot_panels(driven):
     _, u, y = driven
     H = bc.estimate_frequency_response(u, y, STEP, frequency_range_hz=(0.5, 10.0))
     magnitude, coherence = H.plot(ax=Figure(), color="#123456")

@@ -54,7 +54,7 @@ def test_a_band_holds_what_the_fitted_model_leaves_of_the_truth():
         assert np.exp(np.mean(np.log(band / hidden))) < 8.0  # valleys between resonances are filled
 
 
-def test_an_entry_alone_is_that_of_all_and_several_days_count_by_the_largest():
+def test_uncertainty_weight_of_entries_and_datasets():
     H, other = (measured(np.random.default_rng(seed)) for seed in (0, 1))
     s = 1j * OMEGA
     both = uncertainty_weight(H, rig(RIG))

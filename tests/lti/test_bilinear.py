@@ -70,7 +70,7 @@ def test_what_has_no_image_is_refused():
 
 @examples(60)
 @given(st.integers(0, 100_000))
-def test_modes_at_their_own_images_make_the_same_response_but_for_the_rounding_that_is_told(seed):
+def test_bilinear_image_of_modes_same_response(seed):
     rng = np.random.default_rng(seed)
     n, dt = int(rng.integers(1, 6)), float(10.0 ** rng.uniform(-4.0, 0.0))
     angles = np.pi * rng.choice([1.0, 10.0 ** rng.uniform(-6.0, 0.0), 1.0 - 10.0 ** rng.uniform(-6.0, 0.0)], n)

@@ -19,7 +19,7 @@ from boomctl.lti.system import Lti
 from tests.profiles import examples
 
 
-def test_a_frequency_at_a_pole_is_answered_from_beside_it_and_no_other_moves():
+def test_frequency_at_pole_is_shifted():
     undamped = Lti(
         np.array([[0.0, 1.0], [-4.0, 0.0]]), np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
     )
@@ -33,7 +33,7 @@ def test_a_frequency_at_a_pole_is_answered_from_beside_it_and_no_other_moves():
         assert (undamped.response(np.array([2.0]), quiet=True)[0, 0] == found[1]).all()
 
 
-def test_a_grid_shows_every_resonance_and_keeps_what_is_asked_for():
+def test_grid_resolves_every_resonance():
     poles = np.array([-1e-3 + 2j, -1e-3 - 2j, -0.5, -1e-9 + 5j, -1e-9 - 5j])
     grid = resonance_grid(poles, 0.1, 10.0, points=5, narrowest=1e-6, also=[0.0, 20.0])
     assert (np.diff(grid) > 0.0).all()
@@ -44,7 +44,7 @@ def test_a_grid_shows_every_resonance_and_keeps_what_is_asked_for():
 
 
 @given(st.floats(-7.0, -0.3), st.floats(-2.0, 2.0), st.floats(0.01, 0.99))
-def test_a_peak_is_as_high_as_its_closed_form_wherever_the_grid_lies(decade, scale, offset):
+def test_peak_matches_closed_form_on_any_grid(decade, scale, offset):
     zeta, w0 = 10.0**decade, 10.0**scale
 
     def value(omega):  # 1/|r^2 - 1 + 2j zeta r|, its first part written so that no digits cancel
@@ -59,7 +59,7 @@ def test_a_peak_is_as_high_as_its_closed_form_wherever_the_grid_lies(decade, sca
 
 
 @given(st.integers(2, 9), st.floats(-12.0, 0.0))
-def test_the_largest_gain_of_a_chain_of_nearly_equal_poles_is_its_own(n, decade):
+def test_largest_gain_of_nearly_equal_poles(n, decade):
     """Poles -1, -1 - e, ...: their eigenvectors are nearly dependent, and show anything; the gain is at rest."""
     poles = -1.0 - 10.0**decade * np.arange(n)
     A = np.diag(poles) + np.diag(np.ones(n - 1), -1)
@@ -72,7 +72,7 @@ def test_the_largest_gain_of_a_chain_of_nearly_equal_poles_is_its_own(n, decade)
 
 @given(seed=st.integers(0, 10**6), p=st.integers(1, 6), m=st.integers(1, 6))
 @examples(200)
-def test_singular_values_are_those_of_lapack_to_rounding_of_the_largest(seed, p, m):
+def test_singular_values_match_lapack(seed, p, m):
     rng = np.random.default_rng(seed)
     G = (rng.normal(size=(p, m, 40)) + 1j * rng.normal(size=(p, m, 40))) * 10.0 ** rng.uniform(-6.0, 6.0, (p, 1, 40))
     G[:, :, :10] *= 10.0 ** rng.uniform(-6.0, 6.0, (1, m, 10))
@@ -85,7 +85,7 @@ def test_singular_values_are_those_of_lapack_to_rounding_of_the_largest(seed, p,
     assert np.all(np.diff(found, axis=0) <= 0.0)
 
 
-def test_two_by_two_the_smaller_keeps_its_digits_whatever_the_units_of_outputs():
+def test_small_singular_value_accurate_in_any_units():
     G = np.array([[3.0 + 1.0j, 1.0], [2.0, 1.0 - 1.0j]])[:, :, None]
     small = singular_values(G * np.array([1e9, 1.0])[:, None, None])[1, 0]
     determinant, long = abs(G[0, 0, 0] * G[1, 1, 0] - G[0, 1, 0] * G[1, 0, 0]), np.sqrt(11.0)  # the first row's length

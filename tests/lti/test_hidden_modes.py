@@ -29,7 +29,7 @@ def floating_chain(rng):
 
 @examples(500)
 @given(seed=seeds)
-def test_a_floating_body_is_moved_where_what_acts_on_it_has_a_sum_in_all_units(seed):
+def test_floating_body_controllability_in_any_units(seed):
     rng = np.random.default_rng(seed)
     A, B, pushed = floating_chain(rng)
     dt = 0.0

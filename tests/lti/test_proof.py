@@ -203,7 +203,7 @@ def places(system, peak):
 
 
 @pytest.mark.parametrize("seed", range(SYSTEMS))
-def test_certificates_and_proofs_hold_for_the_numbers_that_are_stored(seed):
+def test_proofs_hold_for_stored_numbers(seed):
     system = drawn(seed)
     norm, truth = bc.hinf_norm(system), decays(system)
     growing, on_axis, _ = Exact.of(of(system, sampled=True)).sides
@@ -268,7 +268,7 @@ def test_poles_exactly_on_the_axis_are_told_exactly(seed, shown):
         ("ellip", (16, 0.5, 60, [0.1, 0.11], "band"), False, np.inf),
     ],
 )
-def test_filters_have_the_norms_that_the_page_on_verification_says(name, given, analog, norm):
+def test_filter_norms_match_documentation(name, given, analog, norm):
     system = control.ss(*signal.tf2ss(*getattr(signal, name)(*given, analog=analog)), 0 if analog else 1.0)
     exact = Exact.of(of(system, sampled=True))
     assert (exact.sides[0] > 0) == (norm == np.inf)
@@ -297,7 +297,7 @@ def test_a_wrong_certificate_is_refuted(seed):
 
 
 @pytest.mark.parametrize("elements", [2, 6])
-def test_peaks_of_structures_are_proved_by_the_state_space_that_stands_for_them(elements):
+def test_structure_peak_proved_by_state_space(elements):
     yaw = bc.split_symmetric(bc.spray_boom(elements=elements))[1]
     found = bc.sigma(yaw)
     assert bc.prove(found).proved
@@ -318,7 +318,7 @@ def cheap(seed):
 
 
 @pytest.mark.parametrize("seed", range(SYSTEMS // 2))
-def test_a_design_is_certified_for_the_controller_that_is_handed_out(seed):
+def test_design_certified_for_returned_controller(seed):
     """Matrices of a loop are rounded; with huge gains that shows in the sixth digit of its norm and before."""
     P, tight = cheap(seed), {"rtol": 1e-9, "fastest_pole": 1e10} if seed % 2 else {}
     try:

@@ -65,7 +65,7 @@ def test_a_loop_without_a_solution_is_refused():
 
 
 @pytest.mark.parametrize("bandwidth", [None, 20.0])
-def test_a_model_is_the_system_that_python_control_would_have_made_of_it(bandwidth):
+def test_lti_matches_python_control(bandwidth):
     model = spray_boom(accelerometer_bandwidth_hz=bandwidth)
     direct, there_and_back = of(model), of(model.to_statespace())
     for letter in "ABCD":

@@ -155,7 +155,7 @@ def test_poles_that_a_zero_cancels_stay_those_of_the_entry():
     assert np.sort(of(cancelled).poles.real) == pytest.approx([-2.0, 1.0])
 
 
-def test_data_are_taken_where_they_tell_something_and_refused_where_not():
+def test_frequency_data_accepted_or_raises():
     omega = np.geomspace(0.1, 10.0, 50)
     lag = control.tf([1.0], [1.0, 0.1, 1.0], inputs="u", outputs="y")
     data = control.frequency_response(lag, omega)

@@ -75,7 +75,7 @@ def test_every_plot_has_arguments_of_convention():
 
 
 @EACH
-def test_a_plot_returns_axes_of_one_new_figure_that_pyplot_shows_and_a_report_draws_the_same_on_its_own(name):
+def test_plot_returns_axes_and_report_matches(name):
     before, (result, count) = dict(mpl.rcParams), made(name)
     plt.close("all")
     axes = result.plot()
@@ -102,7 +102,7 @@ def test_a_picture_becomes_a_file(name):
 
 
 @EACH
-def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_behind(name):
+def test_plot_on_given_axes_and_style(name):
     result, count = made(name)
     plt.close("all")
     own = Figure().subplots(count, 1)
@@ -125,7 +125,7 @@ def test_given_axes_are_drawn_on_in_the_style_asked_for_and_no_figure_is_left_be
 
 
 @EACH
-def test_what_is_no_axes_or_no_style_is_refused_by_name_and_leaves_nothing(name):
+def test_plot_invalid_axes_or_style_raises(name):
     (result, count), ax = made(name), Figure().add_subplot()
     plt.close("all")
     with pytest.raises(ValueError, match=rf"ax: expected {count} axes .*, got {count + 1}"):
@@ -153,7 +153,7 @@ def test_a_part_of_a_figure_is_divided():
     assert len(right.axes) == 1
 
 
-def test_pictures_in_threads_warn_of_nothing_and_leave_the_settings_alone():
+def test_plots_in_threads():
     before, tracks = (
         dict(mpl.rcParams),
         [bc.bump_track(0.1, 1.0 + seed, length=50.0) for seed in range(24)],
@@ -173,7 +173,7 @@ def _drawn(seed):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes cannot be forked here")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork:DeprecationWarning")
-def test_a_process_that_is_forked_off_while_a_thread_draws_does_not_wait_for_it():
+def test_fork_while_thread_draws():
     drawing, done = threading.Event(), threading.Event()
 
     def draw():
@@ -192,7 +192,7 @@ def test_a_process_that_is_forked_off_while_a_thread_draws_does_not_wait_for_it(
 
 
 @pytest.mark.slow
-def test_a_script_shows_its_pictures_and_a_report_imports_no_pyplot():
+def test_script_shows_figures_report_without_pyplot():
     """Run as a user does, without a display."""
     shown = (
         "import boomctl as bc, sys; t = bc.iso_track(length=50.0);"
@@ -207,7 +207,7 @@ def test_a_script_shows_its_pictures_and_a_report_imports_no_pyplot():
 
 
 @pytest.mark.slow  # a kernel starts: 5 s
-def test_a_notebook_shows_pictures_once_wherever_they_are_drawn_in_a_cell():
+def test_notebook_shows_each_figure_once():
     pytest.importorskip("ipykernel")
     nbformat, nbclient = pytest.importorskip("nbformat"), pytest.importorskip("nbclient")
     cells = [
@@ -289,7 +289,7 @@ def test_an_unstable_system_says_so_in_a_comparison_too():
 
 
 @pytest.mark.parametrize("band", [None, (0.0, 20.0)])
-def test_the_picture_of_a_reduction_shows_the_error_below_what_is_proven(band):
+def test_reduction_plot_error_below_bound(band):
     given = one.boom().select(*ENDS)
     result = bc.reduce(given, order=10, omega_range=band)
     curves = result.curves
@@ -305,7 +305,7 @@ def test_the_picture_of_a_reduction_shows_the_error_below_what_is_proven(band):
     assert f"verified: at most {result.error_norm:.3g} {place}" in said
 
 
-def test_a_nyquist_curve_touches_the_disk_of_its_margin_and_passes_through_its_marks():
+def test_nyquist_plot_touches_margin_disk():
     loop = bc.margins(one.yaw(), one.suspension())["suspension_anti"]
     omega, L = loop.loop_gain
     low, high = 1.0 / loop.disk_margin.gain_margin, loop.disk_margin.gain_margin

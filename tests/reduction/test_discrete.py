@@ -30,7 +30,7 @@ def random_system(seed, integrator=False):
 
 @examples(60)
 @given(st.integers(0, 10_000), st.sampled_from(METHODS))
-def test_the_error_is_that_on_the_unit_circle_and_within_its_bound(seed, method):
+def test_discrete_reduction_error_within_bound(seed, method):
     system = random_system(seed, integrator=seed % 3 == 0)
     found = reduce(system, int(np.random.default_rng(seed).integers(2, system.nstates)), method)
     assert found.system.dt == system.dt
@@ -91,7 +91,7 @@ def test_order_above_that_of_the_image_is_tried(seed, order):
 
 @examples(200)
 @given(seed=seeds)
-def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_apart(seed):
+def test_sampled_rigid_body_is_retained(seed):
     """What is refused is refused for rounding of its matrices, not for a pole that one half keeps and the other does not."""
     rng = np.random.default_rng(seed)
     A, B, _ = floating_chain(rng)
@@ -112,7 +112,7 @@ def test_a_sampled_floating_body_is_kept_though_rounding_takes_its_double_pole_a
 @examples(100)
 @example(seed=46, method="balanced")  # refused: rounding of the map exceeds the bound
 @given(seed=st.integers(0, 10**6), method=st.sampled_from(METHODS))
-def test_what_splitting_an_unstable_pole_off_may_change_is_part_of_the_error(seed, method):
+def test_split_of_unstable_pole_counts_in_error(seed, method):
     """In random coordinates of any condition up to 1e6."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(4, 11))

@@ -41,7 +41,7 @@ def test_a_cart_keeps_its_integrator_at_every_friction(coordinates):
 
 @pytest.mark.parametrize("masses", [2, 3, 4])
 @pytest.mark.parametrize("coordinates", ["plain", "orthogonal", "mixed"])
-def test_without_friction_the_rigid_motion_is_a_double_integrator(masses, coordinates):
+def test_rigid_motion_is_double_integrator(masses, coordinates):
     reduced = bc.reduce(cart(0.0, masses, coordinates), 3 if masses == 2 else 4)
     assert reduced.retained_order == 2
     slow = 1e-3

@@ -28,7 +28,7 @@ def modal_of(seed):
 
 
 @given(seeds)
-def test_gramians_in_closed_form_and_refined_solve_their_equations(seed):
+def test_gramians_solve_lyapunov_equations(seed):
     modal = modal_of(seed)
     system = modal.blocks
     for way in (modal, None):
@@ -61,7 +61,7 @@ def test_jordan_blocks_are_balanced_without_modal_coordinates():
 
 
 @pytest.mark.slow
-def test_the_band_integral_is_the_integral_and_all_frequencies_give_one_half():
+def test_band_integral_matches_quadrature():
     modal = modal_of(7)
     system = modal.blocks
     w = np.linspace(0.5, 4.0, 200_001)

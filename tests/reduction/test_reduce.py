@@ -41,7 +41,7 @@ def gap(full, reduced, omega=GRID):
     return singular_values(response(full, omega) - response(reduced, omega))[0]
 
 
-def test_singular_perturbation_and_modal_are_exact_at_rest_and_balanced_at_infinity():
+def test_methods_exact_at_dc_or_infinity():
     full = stable_system(3)
     at_rest = full.C @ np.linalg.solve(-full.A, full.B) + full.D
     for method in ("singular-perturbation", "modal"):

@@ -13,7 +13,7 @@ from tests.strategies import seeds, structures
 
 
 @given(structures(least=5))
-def test_the_result_is_a_passive_structure_and_its_error_is_verified(structure):
+def test_second_order_result_is_passive(structure):
     red = bc.reduce(structure.model, order=6, method="second-order")
     small = red.system
     assert isinstance(small, SecondOrderModel)
@@ -28,7 +28,7 @@ def test_the_result_is_a_passive_structure_and_its_error_is_verified(structure):
 
 
 @pytest.mark.parametrize("elements", [6, pytest.param(60, marks=pytest.mark.slow)])
-def test_the_boom_keeps_its_names_and_comes_within_a_wanted_error(elements):
+def test_second_order_boom_within_max_error(elements):
     model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
     red = bc.reduce(model, max_error=1.0, method="second-order")
     assert (red.system.input_labels, red.system.output_labels) == (ACTUATORS, TIPS)

@@ -94,7 +94,7 @@ def test_no_error_exceeds_what_was_verified_bounded_or_wanted(seed):
 
 @given(seeds)
 @examples(200)
-def test_modes_are_chosen_beside_an_unstable_pole_in_any_coordinates(seed):
+def test_modal_choice_with_unstable_pole(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 7))
     w, z = 10.0 ** rng.uniform(-1, 2, count), 10.0 ** rng.uniform(-5, -2, count)

@@ -65,7 +65,7 @@ def test_what_was_chosen_is_said_and_is_what_is_built(spun_up):
 
 
 @pytest.mark.slow
-def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
+def test_high_accuracy_selects_exact_beam():
     short = bc.HubBeamParameters(length=2.0, hub_inertia=2.0, tip_mass=0.2)
     turn = bc.spin_up(6.0, 0.6)
     beam = bc.hub_beam(short, accuracy=1e-5, maneuver=turn, timepts=0.7)
@@ -81,7 +81,7 @@ def test_an_accuracy_beyond_all_assumed_modes_takes_the_exact_beam():
 
 
 @pytest.mark.slow
-def test_tolerances_are_those_of_the_choice_in_its_maneuver_alone(spun_up):
+def test_selected_tolerances_apply_to_maneuver_only(spun_up):
     chosen, t = spun_up.selection, np.linspace(0.0, 40.0, 50)
     assert (chosen.rtol, chosen.atol) == pytest.approx((1e-5, 1e-5 * chosen.largest))
     usual, start = (1e-8, 1e-10), {"initial_state": np.zeros(8)}

@@ -7,7 +7,7 @@ import boomctl as bc
 
 
 @pytest.mark.parametrize("model", ["sfoam", "foam", "geometrically-exact"])
-def test_a_diagram_holds_the_frequencies_and_its_crossings_lie_on_both_lines(model):
+def test_campbell_crossings_on_both_lines(model):
     h = bc.hub_beam(model=model, modes=3)
     speeds = np.linspace(0.0, 10.0, 11)
     found = h.campbell(speeds, count=2, orders=(1.0, 2.5))
@@ -20,7 +20,7 @@ def test_a_diagram_holds_the_frequencies_and_its_crossings_lie_on_both_lines(mod
     assert len(found.critical_speeds) == int((gap[:-1] * gap[1:] < 0.0).sum())
 
 
-def test_the_first_order_never_meets_the_exact_beams_first_mode_twice():
+def test_campbell_first_order_has_no_crossing():
     """Stiffening goes on for good: above the crossing the frequency stays below the line."""
     met = bc.hub_beam(model="geometrically-exact", modes=8).campbell(np.linspace(0.0, 20.0, 41), count=1, orders=(1,))
     assert len(met.critical_speeds) == 1
@@ -28,7 +28,7 @@ def test_the_first_order_never_meets_the_exact_beams_first_mode_twice():
     assert sfoam.critical_speeds[0].hub_speed == pytest.approx(met.critical_speeds[0].hub_speed, rel=1e-3)
 
 
-def test_the_traditional_model_ends_where_its_stiffness_is_lost_in_closed_form():
+def test_campbell_tlam_ends_at_divergence():
     """``f^2 = f0^2 - (w / 2 pi)^2``, as ``K2 - w^2 M2``: order 1 meets it at ``2 pi f0 / sqrt 2``."""
     h = bc.hub_beam(model="tlam", modes=3)
     found = h.campbell(np.linspace(0.0, 10.0, 21), count=1, orders=(1.0,))

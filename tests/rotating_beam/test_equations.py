@@ -62,7 +62,7 @@ def test_tangents_are_the_derivatives_of_the_derived_residual(model, p, seed):
 
 @examples(10)
 @given(p=parameters(), seed=st.integers(0, 2**20))
-def test_margin_says_whether_the_mass_matrix_is_positive_definite(p, seed):
+def test_mass_matrix_margin_sign(p, seed):
     beam = hub_beam(p, "foam", 3)
     y, _, _ = random_motion(beam, seed, deflection=1.0)
     inertia = beam.equations.inertia(y)

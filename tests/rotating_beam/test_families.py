@@ -52,7 +52,7 @@ def test_it_is_the_linear_model_at_every_point(model, damping):
         np.testing.assert_allclose(response / size, true / size, rtol=0.0, atol=1e-6 if model == "cfoam" else 1e-7)
 
 
-def test_any_parameter_of_the_beam_makes_a_family_that_is_the_linear_model():
+def test_family_matches_linear_model():
     """Readings such as the root moment change with the beam, too."""
     family = _beam().family(hub_inertia=(180.0, 220.0), length=(7.98, 8.02))
     assert family.ranges["length"] == (7.98, 8.02)
@@ -76,7 +76,7 @@ def test_one_parameter_is_enough():
 @pytest.mark.slow
 @examples(6)
 @given(st.integers(0, 1000))
-def test_a_scheduled_drive_is_proved_where_every_frozen_loop_is_stable(seed):
+def test_scheduled_drive_proved_if_frozen_loops_stable(seed):
     """The loops that the proof covers are those of the linear beam and the controller as it is at that speed."""
     rng, drive = np.random.default_rng(seed), _drive()
     family = _beam().family((0.0, 5.0), (0.0, 0.1))
@@ -117,9 +117,7 @@ def test_the_angle_is_left_out_only_where_nothing_reads_it():
     st.booleans(),
     st.sampled_from([-1.0, -0.3, 0.0, 0.7, 1.0]),
 )
-def test_the_angle_that_nothing_feels_is_an_exact_integrator_of_every_beam_of_a_family(
-    given, model, modes, fastest, backwards, delta
-):
+def test_family_hub_angle_is_ignorable(given, model, modes, fastest, backwards, delta):
     """No rounding of its motion shows in what does not read it: norms of loops that hold the speed are finite."""
     assume(given.damping_ratio > 1e-3 and given.hub_inertia > 0.3)
     beam = bc.hub_beam(given, model=model, modes=modes)

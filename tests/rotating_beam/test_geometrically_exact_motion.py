@@ -19,7 +19,7 @@ from tests.rotating_beam.exact_cases import BAI, LOADED, SIMO
 # -- small motion -----------------------------------------------------------------------------------------------------
 
 
-def test_the_small_deformation_range_is_watched_between_the_instants():
+def test_small_deformation_checked_between_samples():
     model, push = GeometricallyExactBeam(BAI, 4), sine_torque(400.0, 10.0, 10.0)
     fine = model.simulate(push, np.linspace(0, 3, 3001), rtol=1e-6)
     tip, times = fine.tip_displacement, fine.time

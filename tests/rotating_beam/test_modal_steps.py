@@ -34,7 +34,7 @@ def jumping(seed):
 @examples(50)
 @given(seed=st.integers(0, 10**6), digits=st.floats(4.0, 9.0))
 @example(seed=0, digits=5.0)
-def test_tolerance_and_estimate_hold_where_the_acceleration_jumps(seed, digits):
+def test_error_estimate_with_jump_of_acceleration(seed, digits):
     """Against the equations written out, integrated from jump to jump; fast modes vibrate after each of them."""
     beam, motion, pulls = jumping(seed)
     bounds, speed = motion[2].x, motion[1]

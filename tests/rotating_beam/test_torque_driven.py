@@ -60,7 +60,7 @@ def test_the_error_is_below_what_is_asked_for(model, modes, amplitude, tip_mass,
     assert np.abs(result.hub_angle - angle).max() <= rtol * np.abs(angle).max()
 
 
-def test_damping_that_couples_fast_modes_to_slow_ones_is_in_the_error():
+def test_error_includes_coupled_damping():
     """With the hub free the modes are coupled by their damping, which a light hub or a tip mass makes stronger."""
     p = HubBeamParameters(length=5.0, hub_inertia=1000.0, tip_mass=1.0, damping_ratio=0.1)
     beam, timepts = hub_beam(p, "sfoam", 5), np.linspace(0.0, 2.8, 281)

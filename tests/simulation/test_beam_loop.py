@@ -197,7 +197,7 @@ def test_sensors_read_the_shape_and_its_accelerations(model):
     assert (run["axis"][0] == 0.0) is not beam.has_axial_modes
 
 
-def test_noise_is_the_same_for_the_same_seed_and_adds_its_variance():
+def test_noise_reproducible_with_its_variance():
     time = 0.01 * np.arange(4001)
     plant = ct.ss([[-1.0]], [[1.0]], [[1.0]], 0.0, inputs=["u"], outputs=["y"])
     law = ct.ss([], [], [], [[-1.0]], 0.01, inputs=["y"], outputs=["u"])
@@ -212,7 +212,7 @@ def test_noise_is_the_same_for_the_same_seed_and_adds_its_variance():
 
 
 @pytest.mark.parametrize("model", _FEW)
-def test_small_motions_are_those_of_the_linear_model_with_its_sensors(model):
+def test_small_motions_match_linear_model(model):
     beam, time, small = _beam(model, 3, 0.1, damping=0.01), np.linspace(0.0, 2.0, 201), 1e-6
     kinds = {"displacement": None, "slope": None, "moment": None, "acceleration": None, "strain": 0.01}
     sensors = [bc.BeamSensor(kind, kind, 3.0, height) for kind, height in kinds.items()]

@@ -56,7 +56,7 @@ def _sets(m):
 
 @given(seed=seeds)
 @examples(300)
-def test_the_corrected_controller_is_stable_with_each_limit_and_all(seed):
+def test_anti_windup_stable_with_each_limit_and_all(seed):
     A, B, C, D = _random_controller(np.random.default_rng(seed))
     L = conditioning_gain(A, B, C, D)
     assert L.any() or len(C) > 1  # what is stable with one limit may not be with another one: then there is no gain
@@ -69,7 +69,7 @@ def test_the_corrected_controller_is_stable_with_each_limit_and_all(seed):
 
 @given(seed=seeds)
 @examples(100)
-def test_of_a_controller_that_is_not_stable_all_its_controls_together_are_bounded(seed):
+def test_anti_windup_unstable_controller_bounded(seed):
     rng = np.random.default_rng(seed)
     A, B, C, D = _random_controller(rng, own=rng.choice([1.0, 1.02]))
     L = conditioning_gain(A, B, C, D)
@@ -101,7 +101,7 @@ def test_what_is_called_positive_definite_is(seed):
 
 @given(seed=seeds)
 @examples(60)
-def test_a_scheduled_controller_is_bounded_however_fast_its_signal_changes(seed):
+def test_anti_windup_scheduled_controller_bounded(seed):
     """Values of the signal drawn at each sample, one control or all at their limits: the state does not grow."""
     rng = np.random.default_rng(seed)
     first = _random_controller(rng)
@@ -148,7 +148,7 @@ def _diverging():
     return A, np.ones((2, 1)), C, np.zeros((2, 1)), L
 
 
-def test_gains_of_a_time_varying_controller_that_are_not_bounded_are_left_out_and_said_so():
+def test_anti_windup_time_varying_unbounded_warns():
     *matrices, L = (X[None] for X in _diverging())
     good = np.array([[[0.2, 0.0], [0.0, 0.2]]])
     K, sound, plain = (
@@ -164,7 +164,7 @@ def test_gains_of_a_time_varying_controller_that_are_not_bounded_are_left_out_an
     assert np.abs(corrected.commanded["u0"] - found.commanded["u0"]).max() > 0.01
 
 
-def test_rates_of_many_controls_are_not_corrected_and_that_is_said():
+def test_anti_windup_many_rate_limits_warns():
     K = ct.ss(0.9 * np.eye(3), np.ones((3, 1)), np.eye(3), 0.0, _TS, inputs=["y"], outputs=["u0", "u1", "u2"])
     with pytest.warns(WindupWarning, match="u0, u1, u2"):
         _loop(K, rate_limit=1.0)

@@ -176,7 +176,7 @@ def test_anti_windup_keeps_what_was_saturated_from_overshooting(rate, law, wound
     assert np.abs(np.diff(with_it.commanded["u"][after])).max() < jump
 
 
-def test_the_conditioning_gain_is_that_of_hanus_where_that_is_stable():
+def test_anti_windup_gain_matches_hanus():
     rng = np.random.default_rng(2)
     A, B, C = 0.3 * np.eye(2), rng.standard_normal((2, 2)), 0.1 * rng.standard_normal((2, 2))
     D = 2.0 * np.eye(2)

@@ -30,7 +30,7 @@ def test_a_thrown_mass_stops_dead():
     assert first.time == pytest.approx(1.003 / 1.5, abs=0.01)
 
 
-def test_a_mass_pressed_to_a_stop_rests_there_and_leaves_when_pulled():
+def test_mass_rests_at_stop_and_leaves():
     time = np.linspace(0.0, 6.0, 601)
     pushed = np.where(time <= 3.0, 2.0, -2.0 * (time - 3.0))
     found = simulate_loop(_FREE, None, time, {"f": pushed}, sample_time=0.01, end_stop={"x": (0.5, "f")})
@@ -96,7 +96,7 @@ def test_a_shaken_boom_between_narrow_stops(seed):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("heavy", [0.5, 2.0, 8.0])
-def test_what_sticks_below_break_away_still_does_when_a_stop_holds_it(heavy):
+def test_sticking_continues_at_end_stop(heavy):
     """A mass on a carriage at its stop: pulled by more than sliding friction and less than what holds, it stays."""
     M, r = np.diag([1.0, heavy]), np.array([-1.0, 1.0])
     loads = np.linalg.inv(M) @ np.column_stack([[1.0, 0.0], [0.0, 1.0], r])
@@ -135,7 +135,7 @@ def test_a_stop_that_moves_is_left_only_when_pulled():
     assert len([hit for hit in found.stop_contacts if hit.end_time > 0.2]) == 1
 
 
-def test_stops_that_contradict_each_other_are_an_error_of_arithmetic():
+def test_contradictory_stops_raise():
     maps = StopMaps(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((2, 2)), np.ones(1))
     with np.errstate(all="ignore"), pytest.raises(ArithmeticError, match="finer timepts"):
         stop_step(maps, np.array([2.0]), np.array([1.0]))
@@ -143,7 +143,7 @@ def test_stops_that_contradict_each_other_are_an_error_of_arithmetic():
 
 @pytest.mark.parametrize("delay", [0.0, 0.3, 0.5, 0.8, 1.4, 2.0])
 @pytest.mark.parametrize(("per_sample", "displaced"), [(1, False), (2, False), (0.5, False), (1, True)])
-def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(delay, per_sample, displaced):
+def test_stop_reached_between_samples(delay, per_sample, displaced):
     """The largest stroke is found on a grid four times finer; a stop just beyond it does nothing, one within it does."""
     h, m = 0.05, 120
     rng = np.random.default_rng(4)
@@ -167,7 +167,7 @@ def test_a_stop_is_reached_when_the_stroke_passes_it_between_the_points_too(dela
     assert np.abs(within["x"]).max() <= largest * (1.0 - bend) * (1.0 + 1e-8)
 
 
-def test_stops_that_depend_on_each_other_are_not_solved_for_together():
+def test_coupled_stops_raise():
     """Two stops on one and the same stroke: only one of them can be asked what to do."""
     one = np.array([[0.5, 0.25], [0.5, 0.25]])
     maps = StopMaps(np.repeat(one, 2, axis=1), np.repeat(2.0 * one, 2, axis=1), np.zeros((1, 4)), np.ones(2))

@@ -106,7 +106,7 @@ def test_beams_without_damping_lead_back_in_time_as_they_lead_on(model):
         assert there == pytest.approx(-turn * here, abs=1e-9 * np.abs(here).max())
 
 
-def test_programmes_along_the_motion_find_how_many_arcs_there_are():
+def test_linear_programs_find_number_of_arcs():
     """Three modes and a payload: the linear part switches 7 times, the beam 11 times."""
     problem = slew_problem(bc.hub_beam(LOADED, modes=3), np.pi / 2, Limits(200.0))
     first = least_time(problem).history
@@ -138,7 +138,7 @@ def test_given_states_are_reached():
     assert slew.certificate.optimality_gap < 1e-6
 
 
-def test_the_beam_of_a_plant_is_the_one_that_was_asked_about_and_not_one_that_equals_it():
+def test_plant_keeps_identity_of_beam():
     """Equal beams may be simulated to other tolerances, and in another model with more modes."""
     given, by_default = bc.hub_beam(modes=5), bc.hub_beam()
     assert given == by_default

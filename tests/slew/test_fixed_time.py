@@ -175,7 +175,7 @@ def test_payloads_come_to_rest_together():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("ask", [{"speed_limit": 0.7}, {"objective": "tip", "duration": 3.6}])
-def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
+def test_gap_is_cost_change_on_finer_mesh(beam, ask):
     fine, half = (bc.optimal_slew(beam, ANGLE, LIMIT, intervals=N, **ask) for N in (80, 40))
     costs = [slew.plan.solution.cost for slew in (fine, half)]
     change = abs(costs[0] - costs[1]) / costs[0]
@@ -185,7 +185,7 @@ def test_the_gap_is_the_change_of_the_cost_when_the_mesh_is_halved(beam, ask):
 @pytest.mark.parametrize(
     ("duration", "intervals", "other"), [(2.93, 40, 20), (2.915, 20, 40)], ids=["halved", "doubled"]
 )
-def test_the_gap_of_least_effort_is_to_the_doubled_mesh_where_the_halved_one_has_no_slew(duration, intervals, other):
+def test_gap_of_least_effort_to_finer_mesh(duration, intervals, other):
     h = bc.hub_beam(modes=1)  # whose least time is 2.909 s
     slew, compared = (bc.optimal_slew(h, np.pi / 2, 200.0, "effort", duration, intervals=n) for n in (intervals, other))
     # the other mesh is solved with steps that are not halved

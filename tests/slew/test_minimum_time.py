@@ -208,7 +208,7 @@ def test_units_of_the_states_do_not_matter(decades):
 
 @examples(25)
 @given(st.floats(-3.0, 3.0).filter(lambda angle: abs(angle) > 0.05), torques, st.floats(0.0, 0.5))
-def test_the_rigid_body_with_its_slowest_vibration_turns_in_the_least_time(angle, torque, tip_mass):
+def test_rigid_body_with_one_mode_minimum_time(angle, torque, tip_mass):
     """With one mode and no damping the closed form is the linear part's optimum; with more, the time is nearly theirs."""
     problem = slew_problem(bc.hub_beam(tip_mass=tip_mass, modes=1), angle, Limits(torque))
     first = rigid_and_slowest(problem)
@@ -229,7 +229,7 @@ def test_the_switching_function_is_the_costate_carried_back(modes):
     assert switching_function(problem, found, t) == pytest.approx(direct, abs=1e-12 * np.abs(direct).max())
 
 
-def test_a_linear_replay_is_exact_under_torques_that_are_held_or_straight():
+def test_linear_replay_exact_for_linear_torque():
     """Against the exponential of the whole: Taylor's maps, shared by the steps of an interval, leave rounding alone."""
     plant = plant_of(bc.hub_beam(modes=2).linearize())
     history = TorqueProfile(np.array([0.0, 0.3, 1.0, 1.7]), np.array([5.0, -2.0, 1.0]), np.array([5.0, 3.0, 0.0]))

@@ -23,7 +23,7 @@ def test_zv_and_zvd_leave_nothing(name, frequency, damping):
     assert train.residual_vibration(frequency, damping) < 1e-12
 
 
-def test_the_shaper_of_a_beam_is_that_of_its_mode_with_the_hub_free():
+def test_shaper_uses_free_hub_mode():
     h = bc.hub_beam(model="cfoam", modes=3, tip_mass=0.5)
     poles = h.linearize().poles()
     first = min(poles[np.abs(poles) > 1e-3], key=abs)
@@ -48,7 +48,7 @@ def test_zvd_is_flat_and_ei_is_level(frequency):
     st.floats(-9.0, 7.0),
     st.one_of(st.floats(0.01, 10.0), st.fractions(0.25, 4.0, max_denominator=8).map(float)),
 )
-def test_a_shaped_torque_of_nanoseconds_or_months_turns_as_exactly(shape, name, decades, spacing):
+def test_shaped_torque_invariant_to_time_scale(shape, name, decades, spacing):
     """Sums in rational numbers: each instant is as exact as a double is, beside the duration, whatever that is."""
     T = 10.0**decades
     train = input_shaper(name, np.pi / (spacing * T))  # in step with the torque's own instants, or not

@@ -17,7 +17,7 @@ def problem(modes, tip_mass=0.1, angle=np.pi / 2, limit=200.0):
 @pytest.mark.parametrize(
     ("tip_mass", "angle", "limit"), [(0.1, np.pi / 2, 200.0), (2.0, 0.3, 50.0), (0.0, -2.0, 400.0)]
 )
-def test_reweighted_least_squares_and_linear_programmes_lead_to_one_torque(modes, tip_mass, angle, limit, monkeypatch):
+def test_least_squares_and_linear_program_agree(modes, tip_mass, angle, limit, monkeypatch):
     asked = problem(modes, tip_mass, angle, limit)
     found = switching.least_time(asked)
     monkeypatch.setattr(switching, "_reweighted", lambda *_: None)

@@ -46,7 +46,7 @@ def _reads(beam, names):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("which", ["seen", "known"])
-def test_a_tracked_run_is_that_of_an_integrator_restarted_at_each_sample(which, request):
+def test_tracked_run_matches_restarted_integrator(which, request):
     tracked = request.getfixturevalue(which)
     beam = tracked.plant.with_tip_mass(0.1).with_stiffness_factor(0.8)
     time, names = tracked.time[:120], tracked.controller.input_labels

@@ -83,7 +83,7 @@ def error(mesh, mode=0):
 
 
 @pytest.mark.parametrize("mode", [0, 1, 2])
-def test_cubic_elements_converge_from_above_with_the_fourth_power(mode):
+def test_cubic_elements_converge_order_4(mode):
     errors = [error(FiniteElements(n), mode) for n in (4, 8, 16)]
     assert all(e > 0 for e in errors)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(4.0, abs=0.1)
@@ -95,7 +95,7 @@ def test_lumping_converges_with_the_second_power(mass):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_hermite_discrete_elements_are_finite_elements_with_nodes_at_attachments():
+def test_hermite_elements_match_finite_elements():
     nodes = (0.0, 0.3, 1.0)
     a, b = beam(DiscreteElements(nodes), at=[0.3]).assemble(), beam(FiniteElements(nodes), at=[0.3]).assemble()
     assert np.array_equal(dense(a.M), dense(b.M))

@@ -134,7 +134,7 @@ def test_strain_functions_equal_their_quotients_in_sixty_digits(exponent):
 
 @pytest.mark.parametrize("distance", [1e-5, 1e-3, 6.0])
 @pytest.mark.parametrize("change", [{}, {"spring_stiffness": 0.0}, {"stiffness_damping": 0.0, "hinge_damping": 0.0}])
-def test_the_boom_solves_the_beam_equation_at_any_spring_distance(distance, change):
+def test_exact_boom_at_any_spring_distance(distance, change):
     """From 1e-4 Hz to the hundredth mode, and says nothing of rounding."""
     p = bc.BoomParameters(spring_distance=distance, **change)
     omega = 2 * np.pi * np.array([1e-4, 0.3, 9.1, 2400.0])
@@ -233,7 +233,7 @@ def test_a_free_beam_moves_as_a_rigid_one_at_low_frequency(seed):
 
 
 @pytest.mark.parametrize("distance", [1e-5, 1e-3, 1.318])
-def test_at_rest_the_boom_with_springs_stands_and_without_is_free(distance):
+def test_exact_boom_static_response(distance):
     """A short segment is no reason to believe that it moves freely; without springs it does."""
     p = bc.BoomParameters(spring_distance=distance, hinge_damping=0.0)
     rest, slow = (bc.exact_frequency_response(p, w).frdata for w in ([0.0], [1e-12]))

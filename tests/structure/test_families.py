@@ -50,7 +50,7 @@ def test_a_soft_part_is_not_lost_beside_a_stiff_one():
         AffineFamily.from_function({"d": (-1.0, 1.0)}, make)
 
 
-def test_a_bent_column_of_an_input_is_refused_and_an_affine_one_is_taken():
+def test_family_input_columns_must_be_affine():
     def make(bend):
         return lambda v: SecondOrderModel(
             np.eye(1), np.eye(1), [[1.0]], {"u": [1.0 + v["d"] + bend * (v["d"] - v["d"] ** 3)]}, {"y": [1.0]}
@@ -78,7 +78,7 @@ def test_rounding_of_an_assembly_is_no_bend(stiff):
 @pytest.mark.parametrize("step", [0.0, pytest.param(0.02, marks=pytest.mark.slow)])
 @given(st.integers(0, 10_000))
 @examples(40)
-def test_what_is_proved_holds_where_outputs_read_and_inputs_act_otherwise_from_point_to_point(step, seed):
+def test_proof_with_parameter_dependent_signals(step, seed):
     """Loops closed anew on a grid of the box; that of both at once, a product of the two changes, at the corners most."""
     rng = np.random.default_rng(seed)
     C, K, softer = np.diag(rng.uniform(0.05, 1.5, 2)), np.diag(rng.uniform(5.0, 200.0, 2)), rng.uniform(0.1, 0.6)

@@ -99,7 +99,7 @@ def test_beams_of_high_order_answer_or_refuse_in_words(order, ratio, count, dist
         ),
     ],
 )
-def test_undamped_modes_of_graded_beams_are_those_of_the_exact_beam(order, ratio, count, distance):
+def test_graded_beam_modes_match_exact_beam(order, ratio, count, distance):
     """Where factors are singular or indefinite: strain coordinates answer."""
     p = bc.BoomParameters(spring_distance=distance)
     x = np.asarray(graded(ratio, count))

@@ -54,7 +54,7 @@ def test_names_are_kept_and_modes_are_named(boom):
     assert own.nstates == system.nstates
 
 
-def test_matrices_given_keep_their_coordinates_if_they_are_even_and_are_turned_if_not():
+def test_matrix_coordinates_retained_or_rotated():
     def chain(stiff):
         K = np.array([[1.0 + stiff, -stiff], [-stiff, stiff + 2.0]])
         return SecondOrderModel(np.eye(2), 0.1 * np.eye(2), K, {"u": [1.0, 0.0]}, {"y": [0.0, 1.0]})
@@ -70,7 +70,7 @@ def test_matrices_given_keep_their_coordinates_if_they_are_even_and_are_turned_i
 
 @examples(200)
 @given(seed=seeds)
-def test_gyroscopic_terms_of_floating_structures_stay_in_every_form(seed):
+def test_gyroscopic_terms_in_every_form(seed):
     """What turns a motion that nothing strains or damps acts on it still: the response of the matrices, solved for."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(2, 6))

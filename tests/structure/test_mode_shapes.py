@@ -19,7 +19,7 @@ def beam(joint, elements=8, angle=0.0):
     return s.Assembly((body,)).assemble()
 
 
-def test_jolt_is_symmetric_and_yaw_antisymmetric_and_the_halves_have_the_same_shapes():
+def test_mode_shapes_symmetry():
     m = bc.spray_boom()
     found = m.mode_shapes(8)
     boom = found["boom"]
@@ -44,7 +44,7 @@ def test_outputs_read_what_the_picture_shows():
     assert pytest.approx(rows @ found.shapes, abs=1e-12) == ends.T
 
 
-def test_a_free_beam_has_rigid_motions_and_its_nodes_where_they_are_known():
+def test_mode_shapes_free_beam_nodes():
     """Nodes of the first two bending modes at 0.22416 and 0.13211 of the length (Young & Felgar 1949)."""
     found = beam(s.planar("y", "theta")).mode_shapes(4)
     assert found.eigenfrequencies_hz[:2] == pytest.approx(0.0, abs=1e-5)
@@ -61,7 +61,7 @@ def test_a_free_beam_has_rigid_motions_and_its_nodes_where_they_are_known():
         assert w == pytest.approx(parity * w[::-1], abs=1e-6 * np.abs(w).max())
 
 
-def test_a_clamped_beam_is_drawn_as_it_bends_not_by_straight_lines():
+def test_mode_shape_plot_is_curved():
     """Cubic interpolation misses a curve by ``h^4/384`` of its fourth derivative, which is ``z^4`` of the tip at most."""
     found = beam(s.fixed(), elements=2).mode_shapes(1)
     line = found["beam"]
@@ -80,7 +80,7 @@ def test_an_upright_beam_swings_sideways():
     assert np.abs(found.displacement[:, -1, 0]).min() > 0.1
 
 
-def test_matrices_alone_have_shapes_without_places_and_members_of_a_family_have_them():
+def test_mode_shapes_of_matrices_and_families():
     m = s.SecondOrderModel(np.eye(2), np.zeros((2, 2)), np.diag([1.0, 4.0]), {"f": [1.0, 0.0]}, {"y": [1.0, 1.0]})
     found = m.mode_shapes(2)
     assert found.bodies == ()

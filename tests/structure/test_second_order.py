@@ -20,7 +20,7 @@ def oscillator(m=2.0, c=0.4, k=8.0):
     return SecondOrderModel([[m]], [[c]], [[k]], {"force": [1.0]}, {"position": [1.0]})
 
 
-def test_a_mass_on_a_spring_has_its_textbook_frequency_and_response():
+def test_mass_on_spring_closed_form():
     m, c, k = 2.0, 0.4, 8.0
     damped = np.sqrt(k / m - (c / (2 * m)) ** 2) / (2 * np.pi)
     assert oscillator().eigenfrequencies_hz(1) == pytest.approx([damped], rel=1e-15)

@@ -58,7 +58,7 @@ def test_the_signals_that_stand_on_the_axis_belong_to_the_jolt():
         (["suspension_left", "suspension_right"], "cradle_slip"),
     ],
 )
-def test_through_the_halves_every_selection_is_what_the_whole_says(inputs, outputs, excitation):
+def test_subsystem_response_matches_full_model(inputs, outputs, excitation):
     """One of a pair of signals alone is no half of anything, and still comes out whole."""
     model = bc.spray_boom(excitation=excitation)
     found = model.frequency_response(OMEGA, inputs, outputs).frdata

@@ -11,7 +11,7 @@ from boomctl.studies.suspension.performance import _FREQUENCIES, InField, _loop_
 from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScenario, suspension_model
 
 
-def test_the_curve_of_a_loop_is_that_on_all_its_frequencies_with_the_loops_peak():
+def test_loop_curve_includes_peak():
     loop = InField(BoomParameters(), None, FieldScenario()).to_tips(suspension_model(BoomParameters(), 6, 20.0))
     found, alone = _loop_sigma(loop), sigma(loop)
     whole = sigma(loop, np.union1d(alone.omega, _FREQUENCIES))
@@ -20,7 +20,7 @@ def test_the_curve_of_a_loop_is_that_on_all_its_frequencies_with_the_loops_peak(
     assert found.certificate == alone.certificate
 
 
-def test_a_peak_that_is_infinite_or_higher_than_the_passive_one_is_drawn():
+def test_plot_of_infinite_peak():
     drawn = [sigma(control.ss(-decay, 1.0, 1.0, 0.0)) for decay in (0.0, 0.01, 1.0)]
     for passive, active, top in ((0, 1, 160.0), (1, 0, 160.0), (2, 1, 160.0), (1, 2, 160.0), (2, 2, 1.6)):
         figure = draw_suspension_sigma(drawn[passive], drawn[active], ("passive", "active"))
@@ -28,7 +28,7 @@ def test_a_peak_that_is_infinite_or_higher_than_the_passive_one_is_drawn():
     draw_suspension_sigma(drawn[0], drawn[0], ("passive", "active"))
 
 
-def test_forces_change_as_fast_however_often_they_are_sampled_and_not_as_in_the_jump_at_the_start():
+def test_force_rate_independent_of_sampling():
     scene = FieldScenario(warmup_time=1.0, duration=4.0, elements=4)
     gain, rates = np.eye(2), []
     for step in (0.002, 0.0005):  # the second one four times in each step of the track's motion

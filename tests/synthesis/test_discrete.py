@@ -14,7 +14,7 @@ from tests.synthesis.test_lqr import random_system
 
 
 @given(seeds, st.floats(1e-4, 1e-1))
-def test_the_trapezoidal_rule_keeps_the_response_on_a_warped_axis(seed, sample_time):
+def test_tustin_response_on_warped_axis(seed, sample_time):
     controller = random_system(seed, unstable=False)
     digital = bc.discretize(controller, sample_time)
     for w in (0.1, 1.0, 3.0):
@@ -83,7 +83,7 @@ def test_a_rate_too_low_for_a_pole_names_both():
     assert bc.discretize(fast, 1.0 / 1274.0).nstates == 2
 
 
-def test_a_pole_that_the_trapezoidal_rule_sends_to_infinity_is_named():
+def test_tustin_pole_at_infinity_raises():
     unstable = control.ss([[20.0]], [[1.0]], [[1.0]], 0.0)
     with pytest.raises(ValueError, match="`sample_time` must not put the controller's unstable pole"):
         bc.discretize(unstable, 0.1, samples_per_period=2.0)

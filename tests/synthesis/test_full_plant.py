@@ -74,7 +74,7 @@ def test_design_on_reduction_says_what_becomes_of_the_full_loop(full, order, sta
         assert stable == ("UNSTABLE" not in text)
 
 
-def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full):
+def test_inaccurate_reduction_warns_before_design(full):
     with pytest.warns(bc.exceptions.ReductionWarning, match="from controls to measurements") as said:
         generalized(bc.reduce(full, order=2))
     assert said[0].filename == __file__
@@ -83,7 +83,7 @@ def test_a_reduction_that_has_lost_the_plant_is_warned_of_before_the_design(full
         generalized(bc.reduce(full, order=12))
 
 
-def test_the_generalized_plant_of_a_reduction_is_that_of_its_system_and_remembers_it(full):
+def test_generalized_plant_of_reduction(full):
     small = bc.reduce(full, order=16)
     P, plain = generalized(small), generalized(small.system)
     for letter in "ABCD":
@@ -114,7 +114,7 @@ def test_reduced_plants_of_other_kinds_know_the_full_one(full):
 
 
 @pytest.mark.slow
-def test_a_full_plant_too_large_for_its_poles_is_proved_by_the_small_gain_or_not_at_all(monkeypatch, full):
+def test_large_full_plant_uses_small_gain(monkeypatch, full):
     monkeypatch.setattr(full_plant, "_MAX_POLES", 0)
     found, said = design(generalized(bc.reduce(full, order=12)))
     told = found.certificate.full_plant

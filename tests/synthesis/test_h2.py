@@ -48,7 +48,7 @@ def test_the_norm_is_slycots_and_the_closed_loops_own(seed):
 
 @given(seeds)
 @examples(50)
-def test_feedthroughs_that_controllers_see_or_cancel_and_units_cost_nothing(seed):
+def test_h2_invariant_to_feedthrough_and_units(seed):
     rng = np.random.default_rng(seed)
     P, gain = random_plant(seed), rng.standard_normal((2, 2))
     norm = bc.h2(P, 2, 2).norm

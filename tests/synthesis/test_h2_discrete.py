@@ -62,7 +62,7 @@ def test_h2_norm_is_that_of_pulses_and_no_neighbor_has_less(dt, seed):
 
 @given(st.integers(0, 10**6))
 @examples(20)
-def test_a_measurement_that_comes_a_sample_late_is_worth_what_lqg_does(seed):
+def test_h2_with_late_measurement_matches_lqg(seed):
     """``lqg`` uses the measurements before a sample: it is ``h2`` of the plant whose measurement is one sample late."""
     n, plant = 3, random_system(seed, 3, 1, 1, dt=0.1)
     best = bc.lqg(plant, 1.0, 1.0, 1.0, 1.0)

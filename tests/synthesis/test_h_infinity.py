@@ -164,7 +164,7 @@ def test_a_level_that_is_enough_and_one_that_is_too_low(P):
         bc.h_infinity(P, 1, 1, gamma=0.9 * best.certificate.lower_bound)
 
 
-def test_slow_controllers_come_first_and_the_certificate_tells_their_price():
+def test_slow_controller_cost_in_certificate():
     P = weighed(resonators(3, 0.01, 3))
     free, slow = bc.h_infinity(P, 1, 1), bc.h_infinity(P, 1, 1, fastest_pole=100.0)
     assert free.certificate.fastest_pole > 100.0 >= np.abs(slow.controller.poles()).max()
@@ -202,7 +202,7 @@ def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, 
 
 
 @pytest.mark.parametrize("seed", [4, 13, 29, 33, 50])
-def test_a_level_little_above_the_best_is_reached_where_it_is_asked_for(seed):
+def test_tight_tolerance_reaches_level(seed):
     """The search must not end above it, though that is nearer to the bound than the tolerance asks for."""
     P = random_plant(seed, 5, (2, 2, 1, 1), False)
     wanted = 1.001 * bc.h_infinity(P, 1, 1, rtol=1e-4).gamma

@@ -27,7 +27,7 @@ def random_plant(seed):
 @pytest.mark.slow
 @examples(25)
 @given(st.integers(0, 10_000))
-def test_the_loop_has_the_norm_and_slicot_does_not_go_below_the_bound(seed):
+def test_discrete_norm_and_bound_against_slicot(seed):
     P = random_plant(seed)
     found = bc.h_infinity(P, 1, 1)
     K, loop = found.controller, found.closed_loop
@@ -50,7 +50,7 @@ def test_the_loop_has_the_norm_and_slicot_does_not_go_below_the_bound(seed):
             assert other.upper_bound >= found.certificate.lower_bound * (1.0 - 1e-6)
 
 
-def test_a_tustin_discretisation_has_the_level_of_the_continuous_problem():
+def test_tustin_plant_has_continuous_level():
     slow = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
     exact = bc.h_infinity(slow, 1, 1)
     found = bc.h_infinity(control.sample_system(slow, 0.1, "tustin"), 1, 1)

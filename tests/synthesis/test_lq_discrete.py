@@ -22,7 +22,7 @@ def random_plant(seed, largest=1.2):
 
 @examples(100)
 @given(st.integers(0, 10_000))
-def test_a_regulator_is_that_of_python_control_its_cost_is_the_sum_and_its_return_difference_at_least_one(seed):
+def test_dlqr_matches_python_control(seed):
     plant = random_plant(seed)
     rng, n, m = np.random.default_rng(seed + 1), plant.nstates, plant.ninputs
     half = rng.standard_normal((n + m, n + m + 1))
@@ -104,7 +104,7 @@ def doubled(A, C, W, V):
 @pytest.mark.slow
 @examples(200)
 @given(st.integers(0, 100_000))
-def test_a_filter_of_a_servo_is_exact_state_by_state_however_little_noise_reaches_it(seed):
+def test_servo_filter_exact_for_small_noise(seed):
     plant, disturbances, noise = servo(seed)
     found = bc.kalman(plant, dict.fromkeys(disturbances, 1.0), {"y": noise}, disturbances=disturbances)
     B = plant.B[:, 2:]

@@ -75,7 +75,7 @@ def test_lqg_cost_is_variance_of_loop_and_no_gain_costs_less(dt, seed):
 
 @given(seeds)
 @examples(40)
-def test_feedthrough_from_controls_to_measurements_is_known_to_the_controller(seed):
+def test_lqg_with_feedthrough(seed):
     rng = np.random.default_rng(seed)
     system, Q, R, W, V = problem(seed)
     fed = control.ss(system.A, system.B, system.C, rng.standard_normal((2, 2)))
@@ -114,7 +114,7 @@ def test_recovery_comes_nearer_with_every_step():
     assert abs(abs(recovered / target.item()) - 1.0) <= found.recovery_errors[-1]
 
 
-def test_recovery_is_not_complete_with_a_zero_in_the_right_half_plane():
+def test_recovery_incomplete_with_rhp_zero():
     system = control.ss([[0, 1], [-1, -0.2]], [[0], [1]], [[1.0, -0.5]], 0, inputs="u", outputs="y")  # zero at 2
     found = bc.synthesis.loop_transfer_recovery(
         system, np.diag([10.0, 1.0]), 1.0, 1.0, 1.0, noise_intensities=[1.0, 1e4, 1e8], omega_range=(0.1, 10.0)

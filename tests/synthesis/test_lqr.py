@@ -112,7 +112,7 @@ def test_kalmans_inequality_and_no_other_gain_costs_less(seed):
 
 @given(seeds)
 @examples(40)
-def test_a_cross_weight_is_a_change_of_controls_and_one_of_outputs_that_show_controls(seed):
+def test_lqr_cross_weight_is_change_of_controls(seed):
     rng = np.random.default_rng(seed)
     system, R, Q = random_system(seed), random_weight(seed, 2), random_weight(seed + 1, 5)
     F, D = rng.standard_normal((2, 5)), rng.standard_normal((2, 2))

@@ -72,7 +72,7 @@ def test_states_without_a_way_to_the_weight_cost_exactly_nothing():
 @pytest.mark.parametrize("dt", [0.0, 0.1])
 @given(seed=seeds)
 @examples(40)
-def test_control_that_makes_the_weight_vanish_costs_exactly_nothing(dt, seed):
+def test_zero_cost_control(dt, seed):
     rng, system = np.random.default_rng(seed), random_system(seed, unstable=False)
     stable, F, R = linalg.expm(dt * system.A) if dt else system.A, rng.standard_normal((2, 5)), np.diag([2.0, 0.3])
     plant = control.ss(stable + system.B @ F, system.B, system.C, 0.0, dt)

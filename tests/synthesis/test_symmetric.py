@@ -46,7 +46,7 @@ def test_the_machine_sees_each_half_s_controller(side, parity):
         assert np.allclose(at(joined, 1.7, names, FORCES) @ mode, part * mode, rtol=1e-12)
 
 
-def test_chains_of_integrators_stay_whole_in_the_order_of_any_signals():
+def test_integrator_chains_in_any_signal_order():
     A = [[0.0, 1e-3, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1e5]]
     chain = single("anti", A, [[0.0], [1.0], [1.0]], [[1.0, 0.0, 1.0]])
     other = half_controller("sym", 3)[0, 1]
@@ -127,7 +127,7 @@ def test_halves_are_found_again_in_any_coordinates(of_sym, of_anti, seed):
 
 @examples(200)
 @given(seeds, st.floats(-9.0, -2.0))
-def test_a_controller_that_mixes_the_halves_a_little_is_split_and_measured(seed, power):
+def test_split_controller_reports_coupling(seed, power):
     """As a synthesis on a machine that is not quite symmetric makes it: pairs of nearly equal poles, faintly coupled."""
     rng = np.random.default_rng(seed)
     halves = half_controller("sym", seed), half_controller("anti", seed + rng.integers(0, 2))

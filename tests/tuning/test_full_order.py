@@ -46,7 +46,7 @@ def test_where_synthesis_takes_the_plant_it_is_that_of_synthesis():
 
 
 @pytest.mark.parametrize(("nw", "nmeas", "told"), [(3, 1, "rates"), (2, 2, "rates"), (1, 2, "the disturbances")])
-def test_measurements_without_noise_are_the_limit_of_little_noise(nw, nmeas, told):
+def test_noise_free_measurements_are_limit(nw, nmeas, told):
     """Less noise is no harm, so that designs with little of it come down to the bound without; their own is above it."""
     rng = [np.random.default_rng(5) for _ in range(2)]
     exact = bound(plant(rng[0], 3, nw, nmeas), nmeas, 1)
@@ -56,7 +56,7 @@ def test_measurements_without_noise_are_the_limit_of_little_noise(nw, nmeas, tol
     assert exact[0] == pytest.approx(noisy.certificate.lower_bound, rel=0.02)
 
 
-def test_a_control_without_weight_is_a_measurement_without_noise_of_the_dual():
+def test_weight_free_control_is_dual():
     P = plant(np.random.default_rng(3), 3, 2, 1, noise=0.3, weight=0.0)
     found = bound(P, 1, 1)
     dual = bound(control.ss(P.A.T, P.C.T, P.B.T, P.D.T), 1, 1)

@@ -55,7 +55,7 @@ def swing(seed, states=4, nmeas=2, ncon=2):
 
 @examples(20)
 @given(st.floats(0.2, 5.0), st.floats(0.2, 5.0))
-def test_a_gain_around_a_lag_reaches_the_least_norm_in_closed_form(pole, effort):
+def test_tune_gain_matches_closed_form(pole, effort):
     """Without noise ``u = k x`` gives ``sqrt(1 + effort^2 k^2)/(pole - k)`` at zero: least at ``k = -1/(pole effort^2)``."""
     found = bc.tune(lag(pole, effort, noise=0.0), 1, 1, T.gain(), channels=[T.objective("w")], n_starts=2)
     k = -1.0 / (pole * effort**2)
@@ -66,7 +66,7 @@ def test_a_gain_around_a_lag_reaches_the_least_norm_in_closed_form(pole, effort)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
-def test_a_free_order_of_that_of_the_plant_comes_near_the_best_of_any_order(seed):
+def test_tune_full_order_near_bound(seed):
     P = swing(seed, states=2, nmeas=1, ncon=1)
     found = bc.tune(P, 1, 1, T.state_space(2), n_starts=4)
     assert found.certificate.lower_bound <= found.gamma * (1.0 + 1e-6)
@@ -247,7 +247,7 @@ def test_a_damper_alone_is_tuned_to_where_two_channels_meet():
     assert found.certificate.lower_bound_source == "none: the plant itself is tuned"
 
 
-def test_a_parameter_that_helps_without_cost_ends_at_the_end_of_its_range():
+def test_tune_parameter_ends_at_limit():
     found = bc.tune(oscillator, 0, 0, T.plant_parameter("c", 0.05, 1.0), n_starts=1)
     assert found.plant_parameters == found.values == {"c": 1.0}  # that end, and no digit beyond
     assert "c at its largest, 1" in found.certificate.active_constraints
@@ -295,7 +295,7 @@ def test_over_a_family_nothing_inside_is_worse_than_said():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 9 if is_hunt() else 3))
-def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst(seed):
+def test_tune_worst_points_of_objective_and_constraint(seed):
     rng = np.random.default_rng(seed)
     stiffness, damping = np.sort(rng.uniform(1.0, 6.0, 2)), np.sort(rng.uniform(0.1, 1.0, 2))
     box = bc.structure.AffineFamily.from_function(
@@ -310,7 +310,7 @@ def test_the_worst_of_the_objective_over_a_family_is_not_where_a_budget_is_worst
 
 
 @pytest.mark.slow
-def test_a_parameter_of_the_family_may_be_tuned_and_the_others_are_uncertain():
+def test_tune_one_parameter_of_family():
     parts = T.pid(integral=False, omega_max=50.0) + T.plant_parameter("c", 0.1, 1.0)
     found = bc.tune(weighed, 1, 1, parts, family=family(), n_starts=1)
     assert found.plant_parameters["c"] == pytest.approx(1.0, rel=1e-3)  # damping costs nothing here
@@ -501,7 +501,7 @@ def test_an_interrupt_returns_the_best_so_far_verified():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("states", [0, 1, 2])
-def test_a_start_may_be_a_controller_of_the_order_or_of_a_lower_one(states):
+def test_tune_initial_controller_of_lower_order(states):
     P, rng = swing(3), np.random.default_rng(0)
     K = control.ss(-np.eye(states), rng.normal(size=(states, 2)), 0.01 * rng.normal(size=(2, states)), np.zeros((2, 2)))
     K = control.ss(K, inputs=["y[3]", "y[4]"], outputs=["u[3]", "u[4]"])
@@ -511,7 +511,7 @@ def test_a_start_may_be_a_controller_of_the_order_or_of_a_lower_one(states):
 
 
 @pytest.mark.slow
-def test_a_controller_that_was_tuned_is_gone_on_from_where_it_was():
+def test_tune_continues_from_result():
     P = swing(3)
     first = bc.tune(P, 2, 2, T.state_space(1), n_starts=2)
     turned = first.controller[[1, 0], [1, 0]]  # signals go by their names
@@ -549,7 +549,7 @@ def test_with_a_decay_asked_for_a_loop_does_not_end_at_the_edge():
     assert "edge of stability" not in kept.certificate.summary
 
 
-def test_a_pole_that_was_slow_before_is_not_the_controllers_doing():
+def test_tune_ignores_slow_plant_pole():
     A = [[-1.0, 0.0, 0.0], [0.0, -1e-8, 1.0], [0.0, -1.0, -1e-8]]
     P = control.ss(A, np.eye(3)[:, [0, 0]], np.eye(3)[[0, 0]], 0.0, inputs=["w", "u"], outputs=["z", "y"])
     found = bc.tune(P, 1, 1, T.gain(), n_starts=1, max_gain=2.0)

@@ -127,7 +127,7 @@ ENDS = {"all": (), "a column": ("u[0]",), "a row": (None, "y[0]"), "a wide one":
 
 
 @pytest.mark.parametrize(("name", "ends"), [*(("free", e) for e in ENDS), ("notch", "all"), ("shared", "all")])
-def test_the_second_derivatives_of_a_peak_are_differences_of_its_gradient(name, ends):
+def test_peak_hessian_matches_differences(name, ends):
     point = stable_point(problem_of(name, [T.objective(*ENDS[ends])]), 2)
     piece = max(point.active_functions(1e-6), key=lambda piece: piece.value)
     found = peak_hessian(point, piece)
@@ -210,7 +210,7 @@ def test_gradient_of_moving_plant_is_its_difference(norm, seed):
         assert gradient[place] == pytest.approx(wanted, abs=1e-7 * np.abs(gradient).max())
 
 
-def test_second_derivatives_of_a_peak_by_two_parameters_are_differences_of_its_gradient():
+def test_physical_peak_hessian_matches_differences():
     tuned = Physical("k", 2.0, 6.0), Physical("c", 0.1, 1.0)
     plants = FamilyPlants(family(), weighed, 1, 1, tuned).plants()
     assert plants.stages == ("physical parameters by polynomials of degree k 1, c 1",)

@@ -36,7 +36,7 @@ SCENES = {
         "identification": "identification:identification",
     }.items()
 }
-"""What makes each scene, "module:function"."""
+"""Function that builds each scene, "module:function"."""
 
 _GROUPS = ("boom", "hub", "slew")  # names of all scenes that begin so
 _TIME_LIMIT = 300.0  # of one setting [s]; the slowest takes a minute and a half

@@ -40,7 +40,7 @@ def test_met_means_within_the_tolerance(published, computed, tolerance):
     assert verdict == (MET if abs(published - computed) <= tolerance else NOT_REPRODUCIBLE)
 
 
-def test_a_mended_slip_counts_as_corrected_only_if_it_explains_the_number():
+def test_misprint_correction_must_explain_number():
     close, far = (compare("", "", "", 3.72e-2, ours, "why", corrected=3.72e-1) for ours in (3.5e-1, 2.5e-1))
     assert (close.verdict, far.verdict) == (CORRECTED, NOT_REPRODUCIBLE)
     assert (close.tolerance, close.why) == (pytest.approx(3.72e-2), "why; differs by 5.9 %")
@@ -53,7 +53,7 @@ def test_a_mended_slip_counts_as_corrected_only_if_it_explains_the_number():
 # -- the paper's numbers ----------------------------------------------------------------------------------------------
 
 
-def test_table_two_is_met_with_the_factor_of_the_paper_and_not_without():
+def test_table_2_frequencies_need_printed_factor():
     section = hub_beam_frequencies.table_2()
     assert len(section.comparisons) == 15
     assert {each.verdict for each in section.comparisons} == {CORRECTED}
@@ -170,7 +170,7 @@ def test_residual_tip_errors_are_of_time_after_the_torque():
 
 
 @pytest.mark.slow
-def test_models_agree_with_the_exact_beam_for_small_torque_and_in_order():
+def test_models_match_exact_beam_at_small_torque():
     torques = (5.0, 50.0)
     found = tip_errors({label: tips(model, torques) for label, model in MODELS.items()})["whole motion"]
     for errors in found.values():

@@ -31,14 +31,14 @@ def test_sine_response_without_friction_is_linear(method):
 
 
 @pytest.mark.parametrize("method", _METHODS)
-def test_sine_response_with_large_friction_is_that_of_a_stuck_cradle(method):
+def test_sine_response_large_friction_is_stuck_cradle(method):
     found, H = respond(method, 1e4), linear()
     np.testing.assert_allclose(found.response, H[0, 0] - H[0, 1] * H[1, 0] / H[1, 1], rtol=2e-3)
     np.testing.assert_allclose(found.slip, 0.0, atol=2e-6)  # m; a simulated contact is at rest at the ends of steps
 
 
 @pytest.mark.parametrize("method", _METHODS)
-def test_sine_response_depends_on_the_ratio_of_force_and_amplitude(method):
+def test_sine_response_scales_with_force(method):
     scaled, plain = (respond(method, 8.0 * k, 5e-3 * k) for k in (0.03, 1.0))
     np.testing.assert_allclose(scaled.response, plain.response, rtol=1e-3)
 

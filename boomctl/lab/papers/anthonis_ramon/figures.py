@@ -25,7 +25,7 @@ NAMES = {
     "discrete-hermite": "discrete elements, Hermitian mass",
     "discrete-geometric": "discrete elements, geometrical mass",
 }
-"""What the paper calls the discretisations."""
+"""Names of the discretizations in the paper."""
 
 _TABLE_1 = (
     "Damped frequencies, Im(lambda)/2 pi, platform held by its actuators. The finite element and the Hermitian column are"

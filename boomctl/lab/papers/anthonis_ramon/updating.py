@@ -27,7 +27,7 @@ READINGS = (
     ("spring_distance",),
     ("spring_distance", "spring_stiffness", "youngs_modulus"),
 )
-"""What is freed, one reading a line."""
+"""Free parameters of each fit."""
 
 _ELEMENTS = 20  # finite ones: its frequencies are then those of the exact beam to 2e-4, at a tenth of the price
 STARTS = 2  # starts of each fit

@@ -26,7 +26,7 @@ from boomctl.rotating_beam.result import SimulationResult
 PERIOD = 10.0  # of the sine torque [s], which acts for one period, Eq. (44)
 TIME = np.linspace(0.0, 30.0, 3001)  # [s]; the paper's figures end at 30 s
 CORRECTED = {200.0: 3.72e-1}
-"""What Table 3 should show at a torque [N m], where its print slips [N m]."""
+"""Corrected values of Table 3 [N m] by torque [N m], where it has misprints."""
 
 _FIG_8 = {"FOAM": 5, "SFOAM": 5, "SFOAM, 1 mode": 1, "exact": 5}  # modes of each model
 
