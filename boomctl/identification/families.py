@@ -9,10 +9,10 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, sequence, warn_user
 from boomctl.identification.blocks import confident, limits
 from boomctl.identification.free import changed
-from boomctl.identification.search import MOST_DAMPED
+from boomctl.identification.modal.modal_structure import names_of_coordinate, stiffness_and_damping
+from boomctl.identification.modal.search import MOST_DAMPED
 from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.structure.matrices import Structure
-from boomctl.structure.modal_structure import names_of_coordinate, stiffness_and_damping
 from boomctl.structure.model import SecondOrderModel
 
 Range = tuple[float, float]

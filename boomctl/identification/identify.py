@@ -11,14 +11,14 @@ from scipy import special, stats
 from boomctl.arrays import Array
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
-from boomctl.identification.common_poles import CommonPoles
 from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, paired_modes, union
-from boomctl.identification.jackknife import BLOCKS, deviations
-from boomctl.identification.realized import RankOne
+from boomctl.identification.modal.common_poles import CommonPoles
+from boomctl.identification.modal.jackknife import BLOCKS, deviations
+from boomctl.identification.modal.realized import RankOne
+from boomctl.identification.modal.search import refine, search_poles, settled, weakest, without
+from boomctl.identification.modal.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
 from boomctl.identification.response import FrequencyResponseEstimate, with_intersample
-from boomctl.identification.search import refine, search_poles, settled, weakest, without
-from boomctl.identification.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.lti.python_control import control
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response

@@ -12,9 +12,9 @@ from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.loops import feedback_loop
 from boomctl.boom import boom_family
 from boomctl.identification.families import names_of_mode, of_modes
+from boomctl.identification.modal.modal_structure import modal_structure
 from boomctl.structure import SecondOrderModel
 from boomctl.structure.families import AffineFamily, PolynomialFamily, Slope
-from boomctl.structure.modal_structure import modal_structure
 from boomctl.synthesis.discretise import discretize
 from tests.analysis.loop_cases import chain, velocity_feedback
 from tests.profiles import examples

@@ -10,8 +10,8 @@ from scipy import stats
 import boomctl as bc
 from boomctl import tunable
 from boomctl.identification.families import of_modes
+from boomctl.identification.modal.modal_structure import modal_structure
 from boomctl.structure import PolynomialFamily, SecondOrderModel
-from boomctl.structure.modal_structure import modal_structure
 from tests.identification.chain import OMEGA, response_of_record, three_masses
 from tests.identification.rig import RIG, START, measured, rig, weighed
 from tests.profiles import is_hunt

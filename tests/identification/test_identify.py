@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from scipy import linalg, signal
 
 import boomctl as bc
-from boomctl.identification.common_poles import CommonPoles, fitted
+from boomctl.identification.modal.common_poles import CommonPoles, fitted
+from boomctl.identification.modal.spectra import Spectra
 from boomctl.identification.record import Record
-from boomctl.identification.spectra import Spectra
 from boomctl.lab.benchmark.scenes.identification import BAND, frame_record
 from boomctl.lab.benchmark.scenes.identification import STEP as STEP_OF_FRAME
 from boomctl.structure import SecondOrderModel

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.identification.common_poles import CommonPoles, curvature, pull
+from boomctl.identification.modal.common_poles import CommonPoles, curvature, pull
 
 BLOCKS = 24  # Blocks of a record: standard deviations are known to 15 %.
 _LEVERAGE = 0.9  # Largest leverage of a block on a coefficient: the rest of the record has information on it.

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.identification.spectra import Spectra, rms
+from boomctl.identification.modal.spectra import Spectra, rms
 
 _CIRCLE = 0.95  # Fraction of the unit circle that the band occupies; its ends remain separate.
 _RIDGE = 1e-12  # of the largest entry, added to the products of columns: rounding

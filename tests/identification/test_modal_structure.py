@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from boomctl.structure.modal_structure import modal_structure
+from boomctl.identification.modal.modal_structure import modal_structure
 
 OMEGA = np.geomspace(0.03, 3e3, 60)
 

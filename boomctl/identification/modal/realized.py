@@ -6,11 +6,11 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.identification.common_poles import CommonPoles
-from boomctl.identification.spectra import Spectra, complex_of, pairs, real, rms
+from boomctl.identification.modal.common_poles import CommonPoles
+from boomctl.identification.modal.modal_structure import modal_structure
+from boomctl.identification.modal.spectra import Spectra, complex_of, pairs, real, rms
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
-from boomctl.structure.modal_structure import modal_structure
 from boomctl.structure.model import SecondOrderModel
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.identification.spectra import Spectra, complex_of, real
+from boomctl.identification.modal.spectra import Spectra, complex_of, real
 
 _STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
 _DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error

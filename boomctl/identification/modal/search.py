@@ -7,10 +7,10 @@ from numpy.lib.stride_tricks import sliding_window_view
 from scipy import stats
 
 from boomctl.arrays import Array
-from boomctl.identification.common_poles import CommonPoles, fitted, fixed_poles, root_of_inverse
-from boomctl.identification.jackknife import BLOCKS, deviations, left_out_errors
-from boomctl.identification.spectra import Spectra, complex_of
-from boomctl.identification.start import Track, poles_by_order, tracks
+from boomctl.identification.modal.common_poles import CommonPoles, fitted, fixed_poles, root_of_inverse
+from boomctl.identification.modal.jackknife import BLOCKS, deviations, left_out_errors
+from boomctl.identification.modal.spectra import Spectra, complex_of
+from boomctl.identification.modal.start import Track, poles_by_order, tracks
 from boomctl.lti.rounding import ALIKE
 
 _ROUNDS = 2  # Rounds of candidates.
