@@ -495,7 +495,7 @@ def applied_torque(function: TimeFunction, breakpoints: tuple[float, ...] = ()) 
     >>> import boomctl as bc
     >>> push = bc.maneuvers.applied_torque(lambda t: 50.0 * (t < 1.0), breakpoints=(1.0,))
     >>> result = bc.hub_beam(modes=1).simulate(push, [0.0, 1.0, 2.0])
-    >>> result.hub_speed[1:].round(4)  # rad/s, the beam still swings
+    >>> result.hub_speed[1:].round(4)  # rad/s, the beam still vibrates
     array([0.2067, 0.2088])
     """
     return Torque(function, breakpoints)

@@ -49,7 +49,7 @@ def uncertainty_weight(
     ----------
     data : FrequencyResponseEstimate, FrequencyResponseData, or a list of such
         As in `fit`; data without ``deviation`` are treated as exact.  The largest difference of several data sets counts.
-    model : SecondOrderModel, StateSpace, FrequencyResponseData, ...
+    model : SecondOrderModel, StateSpace or FrequencyResponseData
         The model, such as ``model(found.parameters)`` of a fit, or ``found.model`` of an identification.
     inputs, outputs : str or sequence of str, optional
         Requested entries, by names of measured signals; by default all.

@@ -172,7 +172,7 @@ class Lifted:
 
     Attributes
     ----------
-    seen : (size, outputs, n) ndarray
+    observed : (size, outputs, n) ndarray
         Outputs within a block per initial state.
     power : (n, n) ndarray
         Final state of a block per initial state.
@@ -183,7 +183,7 @@ class Lifted:
     """
 
     size: int
-    seen: Array
+    observed: Array
     power: Array
     reached: Array
     pulse: Array
@@ -191,10 +191,10 @@ class Lifted:
     @classmethod
     def of(cls, Phi: Array, G: Array, C: Array, D: Array, size: int) -> Lifted:
         """Return the blocks of a recursion."""
-        seen, power = observability(Phi, C, size)
+        observed, power = observability(Phi, C, size)
         reached = observability(Phi.T, G.T, size)[0][::-1]
-        answers = (seen[:-1] @ G).transpose(1, 2, 0)
-        return cls(size, seen, power, reached, np.concatenate([D[:, :, None], answers], axis=2))
+        answers = (observed[:-1] @ G).transpose(1, 2, 0)
+        return cls(size, observed, power, reached, np.concatenate([D[:, :, None], answers], axis=2))
 
     def blocks(self, U: Array) -> Array:
         """Return signals (inputs, count) as blocks (inputs, blocks, size), padded with zeros."""
@@ -221,7 +221,7 @@ class Lifted:
 
     def free(self, starts: Array, outputs: slice = slice(None)) -> Array:
         """Return outputs within each block from the states (blocks, n) at its beginning, (outputs, blocks, size)."""
-        return starts @ self.seen[:, outputs].transpose(1, 2, 0)
+        return starts @ self.observed[:, outputs].transpose(1, 2, 0)
 
 
 def recursion_without_lead(Phi: Array, first: Array, last: Array, C: Array, D: Array) -> tuple[Array, Array]:

@@ -182,7 +182,7 @@ class ModalSystem:
 
 
 def partial_fractions(system: Lti) -> ModalSystem:
-    """Return a system in the coordinates of its eigenvectors, whatever their accuracy.
+    """Return a system in the coordinates of its eigenvectors, regardless of their accuracy.
 
     Its response is fast to evaluate, and accurate enough to locate the peaks.
     """

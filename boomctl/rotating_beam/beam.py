@@ -666,7 +666,7 @@ class HubBeam(ABC):
 
     @abstractmethod
     def _state_derivative(self, x: Array, torque: float) -> Array:
-        """Derivative of a state under a torque [N m]."""
+        """Return the derivative of a state under a torque [N m]."""
 
     @abstractmethod
     def _tip_displacement(self, y: Array) -> float:

@@ -63,9 +63,9 @@ def _blocks(
     n, outputs, samples = len(p.plant.A), len(p.plant.C), p.samples
     bound = np.concatenate([p.limits.force, p.limits.rate])
     watched = outputs + np.flatnonzero(np.isfinite(bound))
-    rows = np.ascontiguousarray(lifted.seen[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.seen.shape[2])
+    rows = np.ascontiguousarray(lifted.observed[:, watched].transpose(1, 0, 2)).reshape(-1, lifted.observed.shape[2])
     limit = np.repeat(bound[watched - outputs], lifted.size)
-    chosen = Lifted(lifted.size, lifted.seen, lifted.power, lifted.reached, lifted.pulse[watched])
+    chosen = Lifted(lifted.size, lifted.observed, lifted.power, lifted.reached, lifted.pulse[watched])
     alone = np.ascontiguousarray(chosen.forced(blocks).transpose(1, 0, 2).reshape(blocks.shape[1], -1))
     pushed, lead = lifted.pushed(blocks), (last @ blocks[:, :, 0]).T
     count = blocks.shape[1]

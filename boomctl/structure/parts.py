@@ -134,7 +134,7 @@ def planar(*freedoms: str) -> Joint:
 
     Parameters
     ----------
-    freedoms : "x", "y" or "theta"
+    *freedoms : "x", "y" or "theta"
         Degrees of freedom: translations along x and y, and rotation; any number of these words.
 
     Returns

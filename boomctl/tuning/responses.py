@@ -1,6 +1,4 @@
-"""Frequency responses of channels of a closed loop: peaks of their largest singular values on a grid that follows the
-poles, and their derivatives by the controller.
-"""
+"""Frequency responses of channels of a closed loop: peaks on a grid that follows the poles, and their derivatives."""
 
 from dataclasses import dataclass
 from functools import cached_property

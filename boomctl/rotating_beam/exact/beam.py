@@ -154,7 +154,7 @@ class GeometricallyExactBeam(HubBeam):
         return q[1:]
 
     def _linearized(self, speed: float) -> tuple[Array, Array, Array]:
-        """Derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearization`."""
+        """Return the derivatives of momentum and force in steady rotation, see `ExactBeamDynamics.linearization`."""
         q, v = np.append(0.0, self._steady_coordinates(speed)), np.zeros(self._size)
         v[0] = speed
         return self.dynamics.linearization(q, v)

@@ -62,7 +62,7 @@ class ExactBeamDynamics:
         return p, g
 
     def _motions(self, direction: Array, tangent: Array) -> Array:
-        """Derivatives of the tangents with respect to the coordinates, ``(..., nodes, coordinates)``."""
+        """Return the derivatives of the tangents with respect to the coordinates, ``(..., nodes, coordinates)``."""
         return (1j * tangent)[..., None] * self.basis.rotation + direction[..., None] * self.basis.stretch
 
     def mass_matrix(self, q: Array) -> Array:
@@ -89,7 +89,7 @@ class ExactBeamDynamics:
         return np.linalg.solve(self.mass_matrix(q), force)
 
     def linearization(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Derivatives of momentum and force: ``dp/dv = M``, ``dp/dq`` and ``-dg/dq = d^2(U - T)/dq^2``.
+        """Return the derivatives of momentum and force: ``dp/dv = M``, ``dp/dq`` and ``-dg/dq = d^2(U - T)/dq^2``.
 
         ``dg/dv`` is the transpose of ``dp/dq`` less the damping. Small motion about a steady rotation obeys
         ``M a + (dp/dq - (dp/dq)^T + C) v + K q = f``.

@@ -197,7 +197,7 @@ class _Step:
         return np.linalg.inv(blocks[:, :, own, own].transpose(0, 2, 1, 3).reshape(size, size))
 
     def calm_guess(self) -> Array:
-        """The velocity at the start of the step, at every stage."""
+        """Return the velocity at the start of the step, at every stage."""
         speed = None if self.hub is None else self.hub[1, :1]
         return np.tile(_velocities(self.dynamics, speed, self.q[None], self.p[None]), (self.rule.stages, 1))
 

@@ -188,7 +188,7 @@ class Equations(ABC):
 
     @abstractmethod
     def tangents(self, y: Array, rate: Array, acceleration: Array) -> Tangents:
-        """Derivatives of the residual with respect to accelerations, rates and coordinates."""
+        """Return the derivatives of the residual with respect to accelerations, rates and coordinates."""
 
     @abstractmethod
     def inertia(self, y: Array) -> Inertia:
@@ -199,7 +199,7 @@ class Equations(ABC):
         """Q_theta, k: the hub equation's terms quadratic in the rates, on the side of the torque (Eqs. 32, 37)."""
 
     def state_derivative(self, x: Array, torque: float) -> Array:
-        """Derivative of the state (coordinates, rates), 2 N, under a torque [N m].
+        """Return the derivative of the state (coordinates, rates), 2 N, under a torque [N m].
 
         Raises
         ------

@@ -171,7 +171,7 @@ def _solve_window(
 
 
 def _continued(method: CollocationMethod, h: Array, start: tuple[Array, Array], stages: Array) -> _Window:
-    """Ends of the steps that follow from the rates at the nodes."""
+    """Return the ends of the steps that follow from the rates at the nodes."""
     q = start[0] + np.concatenate(
         [np.zeros((1, stages.shape[2])), np.cumsum(h[:, None] * (method.weights @ stages), 0)]
     )
@@ -185,7 +185,7 @@ def _continued(method: CollocationMethod, h: Array, start: tuple[Array, Array], 
 def _newton(
     problem: Problem, method: CollocationMethod, nodes: Array, h: Array, current: _Window
 ) -> Iterator[tuple[float, _Window]]:
-    """Iterates of Newton's method, each with the largest change that the next one is expected to make."""
+    """Return the iterates of Newton's method, each with the largest change that the next one is expected to make."""
     previous = np.inf
     for _ in range(_ITERATIONS):
         try:
@@ -204,7 +204,7 @@ def _newton(
 
 
 def _newton_step(problem: Problem, method: CollocationMethod, nodes: Array, h: Array, current: _Window) -> _Window:
-    """Changes of ends and nodes that satisfy the linearized equations of all steps."""
+    """Return the changes of ends and nodes that satisfy the linearized equations of all steps."""
     m, s, n = current.stages.shape
     item = h[:, None, None]
     q = current.q[:-1, None] + item * (method.A @ current.stages)
@@ -220,7 +220,7 @@ def _newton_step(problem: Problem, method: CollocationMethod, nodes: Array, h: A
 def _stage_responses(
     tangents: Tangents, residual: Array, method: CollocationMethod, h: Array, shape: tuple[int, int, int]
 ) -> Array:
-    """Changes of a step's nodes by its start's coordinates, its start's rates and the residual, m x s n x (2 n + 1)."""
+    """Return the changes of a step's nodes by its initial coordinates and rates and the residual, m x s n x (2 n + 1)."""
     m, s, n = shape
     mass, damping, stiffness = (np.broadcast_to(item, (m * s, n, n)).reshape(m, s, n, n) for item in tangents)
     item = h[:, None, None, None]
@@ -237,7 +237,7 @@ def _stage_responses(
 
 
 def _run_through(responses: Array, method: CollocationMethod, h: Array) -> tuple[Array, Array]:
-    """Changes at the ends of the steps, from none at the start."""
+    """Return the changes at the ends of the steps, from none at the start."""
     m, n = responses.shape[0], (responses.shape[2] - 1) // 2
     stages = responses.reshape(m, method.stages, n, 2 * n + 1)
     transition = np.empty((m, 2 * n, 2 * n + 1))

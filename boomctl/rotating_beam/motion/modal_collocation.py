@@ -265,7 +265,7 @@ def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Arra
 
 
 def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:
-    """Forces F by the coupling of the coordinates ``free + to_nodes F``, at the nodes; shape of `free`.
+    """Return the forces F by the coupling of the coordinates ``free + to_nodes F``, at the nodes; shape of `free`.
 
     The columns of `free`, motions without coupling, are to be of about one size.
     """

@@ -87,7 +87,7 @@ class Accuracy:
     modal: tuple[Array, Array] | None = None
 
     def allowed(self, q: Array) -> list[float]:
-        """Allowed error of each group along a motion [m]."""
+        """Return the allowed error of each group along a motion [m]."""
         return [self.atol + self.rtol * float(np.abs(q @ rows.T).max()) for rows in self.rows]
 
     def errors(self, coarse: Trajectory, fine: Trajectory) -> list[float]:
@@ -164,7 +164,7 @@ def _split(edges: Array, rough: Array) -> Array:
 
 
 def halved(edges: Array) -> Array:
-    """Ends of steps of half the length."""
+    """Return the ends of steps of half the length."""
     result = np.empty(2 * edges.size - 1)
     result[::2], result[1::2] = edges, 0.5 * (edges[1:] + edges[:-1])
     return result

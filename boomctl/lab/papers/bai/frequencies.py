@@ -19,7 +19,7 @@ _WHERE = {"mass at the clamp, or none": 0.0, "0.1 kg at the tip": 0.1, "0.5 kg a
 
 
 def table_2() -> Part:
-    """The frequencies of the beam alone, with the factor 2 pi/6.28 that all fifteen printed ones carry."""
+    """Return the frequencies of the beam alone, with the factor 2 pi/6.28 that all fifteen printed ones carry."""
     slip = 2.0 * math.pi / TWO_PI_OF_THE_PAPER
     comparisons = []
     for (model, speed), values in FREQUENCIES_HZ.items():
