@@ -31,6 +31,7 @@ def _texts(path):
             yield token.string
 
 
+@pytest.mark.slow
 def test_words_of_library():
     found = {
         (str(path.relative_to(ROOT)), match[1])

@@ -263,7 +263,7 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
     )
     assert_allclose(loaded.simulate(slew).tip_displacement, played.tip_displacement, atol=1e-12)
     assert_allclose(loaded.simulate(slew.torque_profile, slew.time).hub_angle, played.hub_angle, atol=1e-12)
-    with pytest.raises(TypeError, match="timepts: expected instants"):
+    with pytest.raises(TypeError, match="timepts: expected times"):
         loaded.simulate(slew.torque_profile)
     moving = bc.optimal_slew(beam.linearize(), 0.5, 200.0, initial_state=[0.0, 0.0, 0.1, 0.0])
     with pytest.raises(ValueError, match="initial_state: expected the state that the slew begins with"):
