@@ -113,7 +113,7 @@ def suspension(limit: float = LIMIT) -> SuspensionDesign:
     parameters = replace(TABLE_2, **chosen)
     return SuspensionDesign(
         "codesign",
-        "dampers and controllers at once",
+        "Suspension with dampers and controllers tuned together",
         parameters=parameters,
         controller=bc.join_symmetric(suspension_model(parameters), *(found.controller for found in halves.values())),
         synthesis_info=facts,

@@ -50,7 +50,7 @@ def design() -> SuspensionDesign:
     share = reduced.error_norm / bc.sigma(reduced.full_system).peak
     return SuspensionDesign(
         "h_infinity_full",
-        "H-infinity on the full 2 x 2 plant",
+        "H-infinity suspension, one controller for the boom",
         controller=controller,
         synthesis_info={
             "verified gamma": synthesis.certificate.summary,

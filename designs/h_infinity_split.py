@@ -1,4 +1,4 @@
-"""H-infinity suspension, yaw and jolt apart: the symmetric boom splits in two plants of half the size.
+"""H-infinity suspension: separate controllers of the symmetric and the antisymmetric subsystem of the boom.
 
 Each half has one disturbance (the platform's motion through a track filter), one control and two sensors. A force
 disturbance at the control keeps the design off solutions that live on a spring cancelled by feedback; the effort weight
@@ -78,7 +78,7 @@ def design() -> SuspensionDesign:
         )
     return SuspensionDesign(
         "h_infinity_split",
-        "H-infinity, yaw and jolt apart",
+        "H-infinity suspension, symmetric and antisymmetric controllers",
         controller=bc.join_symmetric(model, controllers["sym"], controllers["anti"]),
         synthesis_info=facts,
         weights={f"effort, {name}": effort_weight(WEIGHTS[side]) for side, name in HALVES.items()},

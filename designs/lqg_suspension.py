@@ -1,4 +1,4 @@
-"""LQG suspension, yaw and jolt apart: the regulator of least tip motion behind a Kalman filter.
+"""LQG suspension: separate regulators of the two subsystems for small tip motion, with Kalman filters.
 
 The filter knows the platform's motion as noise through a low pass, a force disturbance at the actuator, and the noise of
 stroke sensor and tip accelerometer.
@@ -74,7 +74,7 @@ def design() -> SuspensionDesign:
         )
     return SuspensionDesign(
         "lqg_suspension",
-        "LQG, yaw and jolt apart",
+        "LQG suspension, symmetric and antisymmetric controllers",
         controller=bc.join_symmetric(model, controllers["sym"], controllers["anti"]),
         synthesis_info=facts,
     )

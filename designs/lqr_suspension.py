@@ -43,7 +43,7 @@ def design() -> SuspensionDesign:
     assert certificate.regulator_riccati is not None  # every regulator has its solution; other designs have none
     return SuspensionDesign(
         "lqr_suspension",
-        "LQR, all states measured",
+        "LQR suspension, all states measured",
         controller=regulator.controller,
         plant=family,
         synthesis_info={

@@ -162,7 +162,7 @@ def design() -> MachineDesign:
         }
     return MachineDesign(
         "measured_hub",
-        "PD and notch for a beam that was measured",
+        "PD controller with notch for an identified beam",
         rig(fitted.parameters).to_statespace(),
         tuned().controller,
         inputs="tip_force",

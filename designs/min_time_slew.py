@@ -19,7 +19,7 @@ def design(modes: int = 2) -> SlewDesign:
     beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     return SlewDesign(
         "min_time_slew",
-        "The fastest quarter turn",
+        "Minimum-time slew by 90°",
         beam,
         {"minimum time": optimal_slew(beam, ANGLE, LIMIT)},
         notes=(

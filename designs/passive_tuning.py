@@ -53,7 +53,9 @@ def design() -> SuspensionDesign:
         f"k_s = {p.spring_stiffness:.0f} N/m, c_g = {p.cradle_damping:.1f} N s/m, c_t = {p.hinge_damping:.0f} N m s/rad"
         f" (Table 2: {TABLE_2.spring_stiffness:.0f}, {TABLE_2.cradle_damping:.0f}, {TABLE_2.hinge_damping:.0f}): {peak:.2f}"
     )
-    return SuspensionDesign("passive_tuning", "passive, tuned for the least peak", parameters=p, synthesis_info=facts)
+    return SuspensionDesign(
+        "passive_tuning", "Passive suspension with the smallest peak", parameters=p, synthesis_info=facts
+    )
 
 
 def main() -> SuspensionResult:

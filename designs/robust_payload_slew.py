@@ -25,7 +25,7 @@ def design(modes: int = 2, intervals: int = 200) -> SlewDesign:
     )
     return SlewDesign(
         "robust_payload_slew",
-        "One torque for three payloads",
+        "Slew with one torque for three payloads",
         beam,
         {ROBUST: robust, PLAIN: plain},
         reference_slew=PLAIN,

@@ -78,7 +78,7 @@ def design() -> SuspensionDesign:
         facts |= found
     return SuspensionDesign(
         "sampled_suspension",
-        "H-infinity in discrete time, 20 ms",
+        "H-infinity suspension in discrete time, 20 ms",
         controller=bc.join_symmetric(model, controllers["sym"], controllers["anti"]),
         delay=DELAY,
         synthesis_info=facts,

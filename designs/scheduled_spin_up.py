@@ -138,7 +138,7 @@ def design(modes: int = 3) -> MachineDesign:
     intended, rate = (2.0 * SPEED / time for time in (DURATION, fast))  # largest acceleration of Eq. (43)
     return MachineDesign(
         "scheduled_spin_up",
-        "LQG scheduled over the hub speed",
+        "LQG controller scheduled over the hub speed",
         beam.family((float(SPEEDS[0]), float(SPEEDS[-1])), MASSES),
         K,
         inputs="tip_force",

@@ -96,7 +96,7 @@ def design(modes: int = 2) -> SlewDesign:
     shown = picture("spin_up", figure_of(partial(drawn, pair)), caption, "png")
     return SlewDesign(
         "spin_up_slew",
-        "Spun up to 1 rad/s in the least time",
+        "Minimum-time spin-up to 1 rad/s",
         beam,
         {"minimum time": planned},
         reference_slew="smooth torque",

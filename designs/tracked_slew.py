@@ -95,7 +95,7 @@ def design(modes: int = 2, runs: int = 256) -> SlewDesign:
     drawn = ("feedback", "seed", "samples", "residual_vibration", "angle_error", "error_estimate")
     return SlewDesign(
         "tracked_slew",
-        "The fastest quarter turn, with feedback",
+        "Minimum-time slew by 90° with feedback",
         beam,
         {"minimum time": planned},
         followed=False,

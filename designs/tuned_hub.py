@@ -108,7 +108,7 @@ def design() -> bc.studies.MachineDesign:
         facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
     return bc.studies.MachineDesign(
         "tuned_hub",
-        "PD and notch at the hub, tuned for 0 to 0.2 kg",
+        "PD controller with notch, tuned for 0 to 0.2 kg",
         judged,
         found.controller,
         inputs="disturbance_torque",

@@ -64,7 +64,12 @@ def design() -> SuspensionDesign:
     for name, value in chosen.items():
         facts[name.replace("_", " ")] = f"{value:.4g} {UNITS[name]} (Table 2: {getattr(TABLE_2, name):.4g})"
     parameters = replace(TABLE_2, **chosen)
-    return SuspensionDesign("tuned_passive", "passive, tuned over the box", parameters=parameters, synthesis_info=facts)
+    return SuspensionDesign(
+        "tuned_passive",
+        "Passive suspension tuned over a box of parameters",
+        parameters=parameters,
+        synthesis_info=facts,
+    )
 
 
 def main() -> SuspensionResult:

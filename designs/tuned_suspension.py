@@ -104,7 +104,7 @@ def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
     facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
     return SuspensionDesign(
         "tuned_suspension",
-        f"order {order} a half, tuned over the box",
+        f"Fixed-structure suspension, order {order} for each subsystem",
         controller=bc.join_symmetric(suspension_model(), *(found.controller for found in halves.values())),
         synthesis_info=facts,
     )

@@ -6,8 +6,10 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any, ClassVar
+from datetime import date
+from typing import Any
 
+from boomctl import __version__
 from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.exchange.controller_files import controller_contents
 from boomctl.printing import compact, table_html
@@ -105,9 +107,6 @@ class Evaluation(ABC):
         The design that was evaluated.
     """
 
-    kind: ClassVar[str] = ""
-    """The first word of a report's title."""
-
     design: Any
 
     @property
@@ -160,8 +159,9 @@ class Evaluation(ABC):
                 f"The controller for other programs: {', '.join(files)}. boomctl.read_controller reads the JSON file."
             )
             sections.append(Section("The controller in files", (listed,)))
-        lead = f"{self.design.title}. {self.verdict[:1].upper()}{self.verdict[1:]}"
-        return Report(f"{self.kind}{self.design.title}", (lead,), tuple(sections), self.to_dict(), files)
+        lead = f"{self.verdict[:1].upper()}{self.verdict[1:]}"
+        origin = f"boomctl {__version__}, {date.today().isoformat()}, boomctl design {self.design.name}."
+        return Report(self.design.title, (lead, origin), tuple(sections), self.to_dict(), files)
 
     def controller_files(self) -> dict[str, bytes | str]:
         """Return the controller for other programs: JSON, MATLAB, and C99 with its limits where it is sampled.

@@ -145,8 +145,6 @@ class MachineResult(Evaluation):
         Stability over the box of a family; None without one.
     """
 
-    kind = "Machine: "
-
     design: MachineDesign
     before: SigmaResult
     after: SigmaResult

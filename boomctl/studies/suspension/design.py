@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.analysis.sigma import SigmaResult
+from boomctl.arrays import Array
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.spray import Footprint
 from boomctl.checks import from_on
@@ -119,8 +120,6 @@ class SuspensionResult(Evaluation):
         Singular values at corners and middles of the edges of the uncertainty.
     """
 
-    kind = "Suspension: "
-
     design: SuspensionDesign
     scene: FieldScenario
     passive: Performance
@@ -215,14 +214,15 @@ class SuspensionResult(Evaluation):
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         p, base, titles = design.parameters, BoomParameters(), (before.title, after.title)
-        rows = [(one.name, one.text, other.text) for one, other in zip(before.findings, after.findings, strict=True)]
-        run = [name for name, *_ in rows].index("largest stroke [mm]")
-        compared = Table(("", *titles), (*rows[:3], *self._bounds(), *rows[3:run]))
-        yield Section("Before and after", design.notes, (compared,))
+        pairs = zip(before.findings, after.findings, strict=True)
+        rows = [(*_quantity(one.name), one.text, other.text) for one, other in pairs]
+        run, heads = [name for name, *_ in rows].index("largest stroke"), ("quantity", "unit", *titles)
+        compared = Table(heads, (*rows[:3], *self._bounds(), *rows[3:run]), align="llr")
+        yield Section("Passive and active boom", design.notes, (compared,))
         text = (
             f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
             f" {scene.accelerometer_bandwidth_hz:g} Hz. The static gain from yaw of the platform to the tips is"
-            f" {p.length / p.actuator_distance:.3f}; no suspension that centers the boom goes below that at zero frequency."
+            f" {p.length / p.actuator_distance:.3f}, a lower bound of the peak of every suspension that centers the boom."
         )
         parts = tuple(
             (name.replace("_", " "), *(f"{getattr(item, name):g}" for item in (base, p))) for name in _PASSIVE
@@ -231,7 +231,11 @@ class SuspensionResult(Evaluation):
         yield Section("Plant and synthesis", (text,), (Table(("passive parts, SI units", *titles), parts), *synthesis))
         if design.weights:
             drawn = draw_weights(design.weights, np.geomspace(0.05, 500.0, 400))
-            yield Section("Weights", pictures=(picture("weights", drawn, "Weights, in the units of the design."),))
+            formulas = Table(
+                ("weight", "transfer function"), tuple((k, _formula(W)) for k, W in design.weights.items()), align="l"
+            )
+            shown = picture("weights", drawn, "Weights, in the units of the design.")
+            yield Section("Weights", ("Frequencies in rad/s.",), (formulas,), (shown,))
         caption = (
             "Singular values from platform actuators to tips; circles: verified peaks. Dots: the exact Euler-Bernoulli boom."
             " Faint: other springs and boom masses of the box. A sampled loop is shown at its samples."
@@ -243,7 +247,7 @@ class SuspensionResult(Evaluation):
                 "Each line is computed independently of the synthesis. Springs and boom mass are relative to those of the"
                 f" design; over them the boom has {FAMILY_ELEMENTS} elements unless the design has a plant of its own."
             )
-            yield Section("Assurance", (text,), (word_table(words(self.findings), ("check", "found")),))
+            yield Section("Verification", (text,), (word_table(words(self.findings), ("quantity", "result")),))
         text = (
             f"All of the field is assumed: {' '.join(repr(scene).split())}. The tractor has {scene.tractor.mass:g} kg, a"
             f" wheelbase of {scene.tractor.wheelbase:g} m and a track of {scene.tractor.track_width:g} m; a controller is"
@@ -253,12 +257,14 @@ class SuspensionResult(Evaluation):
         limits, span = (scene.control_limit, scene.end_stop), (start, start + length)
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
-        yield Section("A run over the field", (text,), (Table(("", *titles), tuple(rows[run:])),), (shown,))
+        yield Section("Simulation on the field", (text,), (Table(heads, tuple(rows[run:]), align="llr"),), (shown,))
         drawn = new_figure(9.0, 4.7)
         for ax, item in zip(drawn.subplots(2, 1), (before, after), strict=True):
             item.spray.plot(ax, label=item.title, length=_FIELD)
         text = f"Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. Assumed of each nozzle: {Footprint()!r}."
-        shown = picture("deposit", drawn, "Deposit before and after.", "png", "svg")  # so many cells are shown as PNG
+        shown = picture(
+            "deposit", drawn, "Deposit of the passive and the active boom.", "png", "svg"
+        )  # so many cells are shown as PNG
         yield Section("Spray on the field", (text,), pictures=(shown,))
 
     def controller_files(self) -> dict[str, bytes | str]:
@@ -271,10 +277,28 @@ class SuspensionResult(Evaluation):
         """
         return self._controller_files(words(self.findings), self.active.run.sample_time, self.scene.control_limit)
 
-    def _bounds(self) -> Iterator[tuple[str, str, str]]:
+    def _bounds(self) -> Iterator[tuple[str, str, str, str]]:
         """Yield lines of a table with the worst peaks over the box where they are bounded."""
         for name, result in self.worst.items():
             if result.upper_bound < inf:
                 bound = number(float(from_on(result.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
                 text = f"{bound} at most (gap {100 * result.relative_gap:.2g} %)"
-                yield f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "-", text
+                yield f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "", "-", text
+
+
+def _quantity(name: str) -> tuple[str, str]:
+    """Return the name of a quantity, and its unit in brackets behind it."""
+    quantity, _, unit = name.partition(" [")
+    return quantity, unit.removesuffix("]")
+
+
+def _formula(weight: control.StateSpace) -> str:
+    """Return the transfer function of a weight of one signal as gain, zeros and poles."""
+    zeros, poles = weight.zeros(), weight.poles()
+    gain = np.real(weight(1.0) * np.prod(1.0 - poles) / np.prod(1.0 - zeros))
+    return f"{gain:.4g} {_factors(zeros)} / ({_factors(poles) or 1})".replace("  ", " ")
+
+
+def _factors(roots: Array) -> str:
+    pairs = [f"(s² + {-2.0 * root.real:.4g} s + {abs(root) ** 2:.4g})" for root in roots if root.imag > 0.0]
+    return " ".join([*pairs, *(f"(s + {-root.real:.4g})" for root in roots if root.imag == 0.0)])
