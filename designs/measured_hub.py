@@ -3,7 +3,7 @@
 The rig is simulated, so that the truth is known: its amplifier, friction, stiffness and damping are none of the drawing's,
 its encoder has counts, its strain gauge has noise. What follows knows the record and the drawing alone: frequency response,
 fit, a box that holds the four parameters at once and a band for what they do not explain, PD with notch tuned over the box
-and an H-infinity controller of the rig as fitted, the same proofs of either sampled loop with its delay, C code. At the end
+and an H-infinity controller of the rig as fitted, and proofs of both sampled loops with their delay. At the end
 the loop runs on the true rig.
 """
 

@@ -145,7 +145,7 @@ def slew_time() -> Scene:
         return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, rtol=rtol).torque_profile
 
     return _scene(
-        "Slew of least time",
+        "Minimum-time slew",
         "time",
         "switching times, found from Opti's by extrapolated motions",
         lambda problem: least_time(slew_of(duration=_GUESS), 200),
@@ -163,7 +163,7 @@ def slew_effort() -> Scene:
         ).torque_profile
 
     return _scene(
-        f"Slew of least effort in {_DURATION:g} s",
+        f"Minimum-effort slew in {_DURATION:g} s",
         "effort",
         "any torque, extrapolated from Opti's on fine meshes",
         lambda problem: least_effort(slew_of(), 400),
