@@ -106,6 +106,10 @@ def test_default_instants_show_rise_and_rest():
     assert double.outputs[0, 0] == pytest.approx(0.5 * double.time**2)
     unstable = bc.impulse(control.ss([[3.0]], [[1.0]], [[1.0]], 0.0))
     assert 1e2 < unstable.outputs.max() < 1e4
+    K = np.array([[30.0, -30.0, 0.0], [-30.0, 80.0, -50.0], [0.0, -50.0, 50.0]])  # free: two poles of 1e-9 instead of 0
+    M = np.diag([1.0, 2.0, 3.0])
+    A = np.block([[np.zeros((3, 3)), np.eye(3)], [-np.linalg.solve(M, K), -0.002 * np.linalg.solve(M, K)]])
+    assert bc.step(control.ss(A, np.eye(6, 1, -3), np.eye(1, 6), 0.0)).time[-1] < 100.0
     boom = bc.step(bc.spray_boom(), inputs="suspension_left")
     assert boom["tip_left", "suspension_left"].shape == boom.time.shape
     static = bc.step(control.ss([], [], [], [[2.0]]))

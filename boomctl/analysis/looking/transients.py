@@ -282,6 +282,8 @@ def _visible_rates(system: Lti) -> Array:
     rates, modes = system.rates, partial_fractions(system)
     there, fastest = np.isfinite(rates.real), np.abs(rates[np.isfinite(rates)]).max(initial=0.0)
     moving = there & (np.abs(rates) > ROOT * fastest)
+    inside, moved = system.distances
+    rates = np.where(there & ~moving & (np.abs(inside) <= moved), 0.0, rates)  # Rounding moves repeated poles off zero.
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         part = np.abs(modes.C).max(axis=0) * np.abs(modes.B).max(axis=1) / np.abs(rates)
     comparable = moving & np.isfinite(part)
