@@ -57,6 +57,17 @@ def test_a_selection_has_only_what_was_selected(structure):
     assert np.allclose(part.frequency_response([1.0]).frdata, whole[1:2, [2, 0]], rtol=1e-12)
 
 
+def test_rigid_motions_of_given_matrices_are_not_counted():
+    K = np.array([[30.0, -30.0, 0.0], [-30.0, 80.0, -50.0], [0.0, -50.0, 50.0]])
+    M = np.diag([1.0, 2.0, 3.0])
+    two = SecondOrderModel(np.kron(np.eye(2), M), np.kron(np.eye(2), 0.002 * K), np.kron(np.eye(2), K))
+    squares = np.sort(np.roots([6.0, -520.0, 9000.0]))  # det(K - s M) = -s (6 s^2 - 520 s + 9000)
+    found = (2.0 * np.pi * two.eigenfrequencies_hz(4)) ** 2 / (1.0 - (0.001 * np.repeat(squares, 2) ** 0.5) ** 2)
+    assert found == pytest.approx(np.repeat(squares, 2), rel=1e-9)
+    soft = SecondOrderModel(np.eye(2), np.zeros((2, 2)), np.diag([1e14, 0.25]))  # stiffer by 4e14, and not rigid
+    assert 2.0 * np.pi * soft.eigenfrequencies_hz(2) == pytest.approx([0.5, 1e7])
+
+
 def test_coordinates_have_the_names_given():
     model = SecondOrderModel(np.eye(2), np.eye(2), np.eye(2), coordinates=["left", "right"])
     assert model.coordinates == ("left", "right")

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, blocks
-from boomctl.lti.rounding import ALIKE, DIGIT, SUMMED, warn_of_rounding
+from boomctl.lti.rounding import ALIKE, DIGIT, EPS, SUMMED, warn_of_rounding
 from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
@@ -66,6 +66,9 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> 
             pass
     poles = first_order_poles(*moving.matrices) if form is None else form.poles()
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
+    soft = int((np.abs(upper) ** 2 <= GRADED * structure.noise).sum()) if form is None else 0
+    if soft:
+        upper = upper[np.abs(upper).argsort()][min(soft, _rigid_motions(structure.M, structure.K)) :]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     lowest = upper[np.argsort(upper.imag)][:count]
@@ -73,6 +76,18 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> 
         error = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())
         warn_of_rounding("the highest eigenfrequency", error, limit)
     return lowest
+
+
+def _rigid_motions(M: Array, K: Array) -> int:
+    """Return the number of modes whose stiffness is below the rounding of ``K``: it moves their poles off zero."""
+    if not (is_symmetric(M) and is_symmetric(K)):
+        return 0
+    try:
+        V = linalg.eigh(K, M)[1]
+    except linalg.LinAlgError:
+        return 0
+    stiffness, parts = (np.einsum("ji,jk,ki->i", v, k, v) for v, k in ((V, K), (np.abs(V), np.abs(K))))
+    return int((np.abs(stiffness) <= GRADED * EPS * parts).sum())
 
 
 def with_statics(
