@@ -94,7 +94,7 @@ def test_sampled_level_proof_includes_polynomial_error(seed, reach, size):
             assert stable
             assert share > 1.0
     small = Cell(cell.middle, np.full(2, 1e-6))
-    exact = replace(loops, missed=(0.0 * A[0], 0.0 * B[0]))
+    exact = replace(loops, errors=(0.0 * A[0], 0.0 * B[0]))
     norm = matrices_norm(exact.at(cell.middle))
     if norm.certified and np.abs(np.linalg.eigvals(exact.at(cell.middle).A)).max() < 0.999:
         assert exact.prover(1.05 * norm.upper_bound)(small) is None
