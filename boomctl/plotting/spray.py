@@ -58,7 +58,7 @@ def plot_deposit(
         axes.set_xlim(begin, end)
         axes.set_ylim(result.x_edges[across.start], result.x_edges[across.stop])
         axes.grid(visible=False)
-        axes.set_title(f"{label}: {_figures(result)}", fontsize=8.5)
+        axes.set_title(f"{label}\n{_figures(result)}", fontsize=8.5)
         axes.set(xlabel="along the drive [m]  (boom moves to the right)", ylabel="along boom [m]")
         bar = axes.figure.colorbar(drawn, ax=axes, aspect=20, **options)
         if options:

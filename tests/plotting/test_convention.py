@@ -112,7 +112,7 @@ def test_plot_on_given_axes_and_style(name):
     if name == "SprayResult":
         result.plot(own, cmap="viridis", label="mine")
         assert own.collections[-1].get_cmap().name == "viridis"
-        assert own.get_title(loc="left").startswith("mine: CV")
+        assert own.get_title(loc="left").startswith("mine\nCV")
     else:
         result.plot(own, c=MARK, lw=3.25, label="mine")  # an overlay
         lines = [line for each in np.ravel(own) for line in each.get_lines()]

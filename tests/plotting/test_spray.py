@@ -23,7 +23,7 @@ def test_spray_plot_shows_a_length_on_the_scale_of_all():
     drawn = ax.collections[0]
     assert {0.8, 0.9, 1.1, 1.2} <= set(drawn.norm.boundaries)
     assert (drawn.norm.boundaries == figure_of(active.plot).axes[0].collections[0].norm.boundaries).all()
-    assert ax.get_title(loc="left").startswith(f"passive: CV {100 * passive.cv:.1f} %")
+    assert ax.get_title(loc="left").startswith(f"passive\nCV {100 * passive.cv:.1f} %")
     assert (np.asarray(drawn.get_array()) == passive.deposit).all()
     assert ax.get_xlim() == pytest.approx(passive.y_edges[passive.y_slice.start] + np.array([0.0, 20.0]))
     assert bar.get_ylabel().startswith("deposit over nominal")

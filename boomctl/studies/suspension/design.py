@@ -258,7 +258,7 @@ class SuspensionResult(Evaluation):
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
         yield Section("Simulation on the field", (text,), (Table(heads, tuple(rows[run:]), align="llr"),), (shown,))
-        drawn = new_figure(9.0, 4.7)
+        drawn = new_figure(9.0, 5.1)
         for ax, item in zip(drawn.subplots(2, 1), (before, after), strict=True):
             item.spray.plot(ax, label=item.title, length=_FIELD)
         text = f"Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. Assumed of each nozzle: {Footprint()!r}."
