@@ -7,12 +7,13 @@ norm below one.  This system is the solution over a sample of ``x' = A x + B w``
 then doubled; ``W X`` stays below one if and only if the level is above the gain within the step.  The terms remain bounded
 for any fast poles.
 
-Levels on both sides of the norm are its bounds.
+The lower bound is computed separately: for disturbances that are linear in each part of a sample and rotate by an angle from
+sample to sample, the energy of the outputs is a Gramian.  This gain is reached for any number of parts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cache, partial, reduce
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -22,9 +23,9 @@ from scipy import linalg
 from boomctl.analysis.norm import NormBounds, agree, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
+from boomctl.lti.frequency import BEYOND, SEARCHED, highest_peak, resonance_grid
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import TINY
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
 from boomctl.lti.system import Lti, controller_of, lower_lft, of, signal_scales
 from boomctl.threads import one_blas_thread
@@ -34,17 +35,27 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-LIFTED = "levels of the lifted loop, one that is reached and one that is not"  # Method of both bounds.
-UNDECIDED = "rounding error prevents a decision on levels near the norm"
+LIFTED = (
+    "level of the lifted loop, and gain of piecewise linear disturbances"  # Methods of the upper and the lower bound.
+)
+NOT_PROVED = "no level above the gain reached is proved"  # No upper bound.
 NOT_STABLE = "a pole on or outside the unit circle"  # Infinite.
 _SMALL = 0.5  # Norm of the Hamiltonian matrix times the first step.
 _SHORT = 0.25  # Largest gain within the first step, relative to the level.
 _DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate an error of units.
-# Relative distance of the candidate levels from the estimated norm: three times it is below CERTIFIED.
-_DISTANCE = 3e-6
-_FARTHER = 5.0  # Factor on this distance if rounding error prevents a decision.
-_FAR = 100.0  # Factor on a level that is reached, until an upper bound is known.
-_LEVELS = 60  # Largest number of levels: about six, and one more for two decades between the unit and the norm.
+_SLOWEST = (
+    1e-9  # Poles below this fraction of half the sampling rate do not define the search range: they are integrators.
+)
+_LOWEST = 0.1  # The search begins at this fraction of half the sampling rate, or below if a pole is slower.
+_ABOVE = 4e-6  # Relative distance of the level from the gain reached: below CERTIFIED.
+_FAR_ABOVE = (
+    3e-5,
+    1e-4,
+    1e-3,
+)  # Further distances if the gain is reached only with more parts; such bounds are not verified.
+_MOVES = 4  # Largest number of frequencies at which a peak of the level's loop is followed.
+_CONVERGED = 1e-6  # The number of parts is increased until the gain changes by less, relative.
+_PARTS = (4, 16, 64, 192)  # Numbers of parts of a sample: the error falls with their fourth power.
 
 
 @one_blas_thread
@@ -253,40 +264,103 @@ class SampledLoop:
             total = reduce(_Step.then, [_step(part, duration, level) for duration, part in self.parts])
         except linalg.LinAlgError:  # reached within a sample
             return unstable
-        moving, read = square_root(total.W), square_root(total.X).T
-        n, inputs, Phi = len(self.from_controls) - 2 * len(self.controller.C), moving.shape[1], total.Phi
-        A, B, C = self.queue.A.copy(), self.queue.B.copy(), np.vstack([read @ self.from_states, self.queue.C])
-        A[:n], B[:n] = Phi[:n] @ self.from_states, Phi[:n] @ self.from_controls
-        B = np.hstack([np.pad(moving[:n], ((0, len(A) - n), (0, 0))), B])
-        D = np.pad(np.vstack([read @ self.from_controls, self.queue.D]), ((0, 0), (inputs, 0)))
-        loop = lower_lft(Lti(A, B, C, D, dt=self.queue.dt), self.controller).balanced()
+        n, A, B = len(self.from_controls) - 2 * len(self.controller.C), self.queue.A.copy(), self.queue.B.copy()
+        A[:n], B[:n] = total.Phi[:n] @ self.from_states, total.Phi[:n] @ self.from_controls
+        loop = self._closed(A, B, square_root(total.W), square_root(total.X).T).balanced()
         _ = loop.eigensystem  # also used by the norm
         return matrices_norm(loop) if (sides(loop.poles, loop.dt) < 0).all() else unstable
 
-    def norm(self) -> NormBounds:
-        """Return two levels as bounds: the norm of the loop of the lower level is at least one, of the upper level below one.
+    def _closed(self, A: Array, B: Array, entering: Array, leaving: Array) -> Lti:
+        """Return the loop from sample to sample with other matrices of the queue.
 
-        The inverse of the norm of a level's loop is nearly proportional to the level: the secant method solves for one.
+        ``entering`` are columns that change the states of `parts`, ``leaving`` rows that read them at the sample.
         """
-        low, high, omega, distance = 0.0, inf, 0.0, _DISTANCE
-        before, level = (0.0, 0.0), 1.0
-        for _ in range(_LEVELS):
-            norm = self.of_level(level)
-            if norm.upper_bound == 0.0:
-                return NormBounds(0.0, 0.0, 0.0, "no disturbance shows", verified=True)
-            if norm.upper_bound < 1.0:
-                high = level
-            elif norm.lower_bound >= 1.0:
-                low, omega = level, norm.peak_omega
-            elif before[1] > 0.0:  # rounding error prevents a decision
-                distance *= _FARTHER
-            if high <= low * (1.0 + 3.0 * distance):
-                return NormBounds(low, high, omega, LIFTED, verified=agree(low, high))
-            (last, below), inverse = before, 1.0 / max(norm.lower_bound, TINY)
-            root = level + (1.0 - inverse) * (level - last) / (inverse - below) if inverse != below else _FAR * level
-            before = (level, inverse)
-            if not low < root < high:
-                root = (low * high) ** 0.5 if 0.0 < low < high < inf else _FAR * low or high / _FAR
-            across = 1.0 - distance if high - root < root - low else 1.0 + distance
-            level = min(max(root * across, low * (1.0 + distance)), high * (1.0 - distance))
-        return NormBounds(low, high, omega, UNDECIDED)
+        n, inputs = len(self.from_controls) - 2 * len(self.controller.C), entering.shape[1]
+        C = np.vstack([leaving @ self.from_states, self.queue.C])
+        B = np.hstack([np.pad(entering[:n], ((0, len(A) - n), (0, 0))), B])
+        D = np.pad(np.vstack([leaving @ self.from_controls, self.queue.D]), ((0, 0), (inputs, 0)))
+        return lower_lft(Lti(A, B, C, D, dt=self.queue.dt), self.controller)
+
+    def norm(self) -> NormBounds:
+        """Return the norm between the largest gain that is reached and a level just above it that is not."""
+        loop = self.at_samples
+        rates, top = loop.rates, loop.nyquist
+        rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > _SLOWEST * top)]
+        low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
+        grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
+        lower, omega, lifted = 0.0, 0.0, cache(self.lifted)
+        for parts in _PARTS[:2]:
+            _, at = highest_peak(partial(_gain, *lifted(parts)), grid)
+            for _ in range(_MOVES):
+                lower, omega = max((lower, omega), (_reached(lifted, at), at))
+                if lower == 0.0:
+                    return NormBounds(0.0, 0.0, 0.0, "zero response", verified=True)
+                level = lower * (1.0 + _ABOVE)
+                norm = self.of_level(level)
+                if norm.upper_bound < 1.0:
+                    return NormBounds(lower, level, omega, LIFTED, verified=norm.verified and agree(lower, level))
+                if not np.isfinite(norm.lower_bound):
+                    break
+                at = norm.peak_omega
+        for above in _FAR_ABOVE:
+            if self.of_level(lower * (1.0 + above)).upper_bound < 1.0:
+                return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
+        return NormBounds(lower, inf, omega, NOT_PROVED)
+
+    def lifted(self, parts: int) -> tuple[Lti, Array]:
+        """Return the loop for disturbances that are linear in each part of a sample, and the energy of its outputs.
+
+        In a part the disturbances are ``c + sqrt(3) s d``, ``s`` from -1 to 1, with energy ``|c|^2 + |d|^2`` times its
+        duration.  The loop leads from all ``c`` and ``d`` to the states of `parts` at the sample; the energy is a quadratic
+        form in both.
+        """
+        counts = [int(np.ceil(parts * duration / self.controller.dt)) for duration, _ in self.parts]
+        ends, nw = self.parts[0][1].B.shape
+        size, known = ends + 2 * nw * sum(counts), ends
+        reach, energy = (
+            np.eye(ends, size),
+            np.zeros((size, size)),
+        )  # Columns: states at the sample, then c, d of each part.
+        none, unit = np.zeros((nw, ends)), np.eye(nw)
+        for (duration, part), count in zip(self.parts, counts, strict=True):
+            h = duration / count
+            # States of the plant, disturbance and its slope, of which c and d are the start.
+            F = blocks([[part.A, part.B, none.T], [none, 0.0 * unit, unit / h], [none, 0.0 * unit, 0.0 * unit]])
+            moved, gramian = _transition_and_energy(F, np.hstack([part.C, part.D, 0.0 * part.D]), h)
+            start = linalg.block_diag(np.eye(ends), np.kron([[1.0, -(3.0**0.5)], [0.0, 2.0 * 3.0**0.5]], unit) / h**0.5)
+            moved, gramian = moved[:ends] @ start, start.T @ gramian @ start
+            for _ in range(count):
+                here = np.vstack([reach, np.eye(2 * nw, size, known)])
+                energy += here.T @ gramian @ here
+                reach, known = moved @ here, known + 2 * nw
+        return self._closed(self.queue.A, self.queue.B, reach[:, ends:], np.eye(ends)).balanced(), energy
+
+
+def _gain(lifted: Lti, energy: Array, omega: Array) -> Array:
+    """Return the largest gains of disturbances that rotate by ``omega dt`` from sample to sample."""
+    start, size = lifted.response(omega, quiet=True).transpose(2, 0, 1), lifted.B.shape[1]
+    whole = np.concatenate([start, np.broadcast_to(np.eye(size), (len(omega), size, size))], axis=1)
+    values = np.linalg.eigvalsh(whole.conj().swapaxes(1, 2) @ energy @ whole)[:, -1]
+    return np.sqrt(np.maximum(values, 0.0))
+
+
+def _reached(lifted: Callable[[int], tuple[Lti, Array]], omega: float) -> float:
+    """Return the largest gain that is reached at a frequency."""
+    gain = 0.0
+    for parts in _PARTS:
+        before, gain = gain, max(gain, float(_gain(*lifted(parts), np.array([omega]))[0]))
+        if gain <= before * (1.0 + _CONVERGED):
+            break
+    return gain
+
+
+def _transition_and_energy(F: Array, C: Array, duration: float) -> tuple[Array, Array]:
+    """Return ``exp(F h)`` and the integral of ``exp(F^T t) C^T C exp(F t)`` over ``h``, by doubling of a short step."""
+    n = len(F)
+    count = max(0, int(np.ceil(np.log2(max(float(np.linalg.norm(F, 2)) * duration / _SMALL, 1.0)))))
+    upper = linalg.expm(np.ldexp(blocks([[-F.T, C.T @ C], [np.zeros((n, n)), F]]) * duration, -count))
+    moved = upper[n:, n:]
+    energy = moved.T @ upper[:n, n:]
+    for _ in range(count):
+        energy, moved = energy + moved.T @ energy @ moved, moved @ moved
+    return moved, 0.5 * (energy + energy.T)

@@ -1,5 +1,8 @@
 """The largest gain of sampled loops between samples: closed forms, finer and finer samples, and disturbances tried."""
 
+from dataclasses import replace
+from importlib import import_module
+
 import control
 import numpy as np
 import pytest
@@ -76,6 +79,18 @@ def test_a_norm_of_any_size_is_verified(norm):
     found = bc.analysis.sampled_data_norm(plant, nothing, outputs="z")
     assert found.verified
     assert found.lower_bound * (1.0 - 1e-12) <= norm <= found.upper_bound
+
+
+def test_wrong_levels_are_not_verified(monkeypatch):
+    plant, K, late = random_loop(5)
+    right = bc.analysis.sampled_data_norm(plant, K, outputs="z", delay=late)
+    module = import_module("boomctl.analysis.sampled_data_norm")
+    step = lambda *of, found=module._step: replace(found(*of), W=1.1 * found(*of).W)  # noqa: E731
+    monkeypatch.setattr(module, "_step", step)
+    wrong = bc.analysis.sampled_data_norm(plant, K, outputs="z", delay=late)
+    assert right.verified
+    assert not wrong.verified
+    assert wrong.lower_bound == pytest.approx(right.lower_bound, rel=1e-5)
 
 
 @pytest.mark.slow
