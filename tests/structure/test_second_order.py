@@ -68,6 +68,29 @@ def test_rigid_motions_of_given_matrices_are_not_counted():
     assert 2.0 * np.pi * soft.eigenfrequencies_hz(2) == pytest.approx([0.5, 1e7])
 
 
+@pytest.mark.parametrize("dampers", [(0.0, 0.0, 0.0), (1.0, 2.0, 0.0)])
+def test_soft_mode_beside_stiff_rigid_motion_is_counted(dampers):
+    K = 1e14 * np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 2.5e-15]])
+    model = SecondOrderModel(np.diag([1.0, 2.0, 1.0]), np.diag(dampers), K)
+    assert 2.0 * np.pi * model.eigenfrequencies_hz(2) == pytest.approx([0.5, 1e7 * 1.5**0.5])
+
+
+@pytest.mark.parametrize("elements", [20, 100])  # all modes, and a basis of the lowest
+def test_free_beam_of_given_matrices_has_its_elastic_modes(elements):
+    h, N = 1.0 / elements, 2 * elements + 2
+    k = np.array([[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h], [-12, -6 * h, 12, -6 * h]])
+    k = np.vstack([k, [6 * h, 2 * h * h, -6 * h, 4 * h * h]]) / h**3
+    m = np.array([[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h], [54, 13 * h, 156, -22 * h]])
+    m = np.vstack([m, [-13 * h, -3 * h * h, -22 * h, 4 * h * h]]) * h / 420
+    M, K = np.zeros((N, N)), np.zeros((N, N))
+    for first in range(0, N - 2, 2):
+        part = slice(first, first + 4)
+        M[part, part] += m
+        K[part, part] += k
+    found = 2.0 * np.pi * SecondOrderModel(M, 1e-6 * K, K).eigenfrequencies_hz(2)
+    assert found == pytest.approx([22.3732854, 61.6728229], rel=1e-4)  # cos b cosh b = 1
+
+
 def test_coordinates_have_the_names_given():
     model = SecondOrderModel(np.eye(2), np.eye(2), np.eye(2), coordinates=["left", "right"])
     assert model.coordinates == ("left", "right")

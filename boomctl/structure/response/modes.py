@@ -60,7 +60,7 @@ def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array)
     If a coordinate without stiffness moves alone, the other coordinates of a shape are zero: they do not contribute to the
     kinetic energy, and the remainder has no strain.
     """
-    slow = np.flatnonzero(frequencies <= ROOT * frequencies.max(initial=0.0))
+    slow = np.flatnonzero(frequencies <= ROOT * np.sqrt((structure.K.diagonal() / structure.M.diagonal()).max()))
     if not len(slow):
         return frequencies, shapes
     shape, exact, result = shapes[:, slow], frequencies.copy(), shapes.copy()

@@ -4,7 +4,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, blocks
-from boomctl.lti.rounding import ALIKE, DIGIT, EPS, SUMMED, warn_of_rounding
+from boomctl.lti.rounding import ALIKE, DIGIT, ROOT, SUMMED, warn_of_rounding
 from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
@@ -52,23 +52,25 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> 
     AccuracyWarning
         If the relative rounding error of the last pole may exceed ``limit``.
     """
-    form, moving = None, structure
+    form, moving, modes = None, structure, None
     if structure.graded or structure.n <= max(2 * count + 20, _WHOLE):
         form = structure.strain_form
     if form is None and structure.n > 2 * count + 20:
         try:  # Modes and static responses to dampers are a basis for the lowest poles.
             frequencies, V = undamped_modes(structure, 2 * count + _SPARE)
-            frequencies, V = with_statics(structure, frequencies, V, damper_forces(structure, V))
-            moving = structure.projected(V)
-            if structure.noise > GRADED * frequencies[0] ** 2:  # Poles of rigid motions are then exactly zero.
+            modes = with_statics(structure, frequencies, V, damper_forces(structure, V))
+            moving = structure.projected(modes[1])
+            if structure.noise > GRADED * modes[0][0] ** 2:  # Poles of rigid motions are then exactly zero.
                 form = structure.strain_form
         except ValueError:  # Matrices without real modes.
             pass
-    poles = first_order_poles(*moving.matrices) if form is None else form.poles()
+    if form is not None:
+        poles = form.poles()
+    else:
+        poles = first_order_poles(*moving.matrices)
+        if (np.abs(poles) ** 2 <= GRADED * structure.noise).any():
+            poles = first_order_poles(*_without_rigid_motions(structure, modes).matrices)
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
-    soft = int((np.abs(upper) ** 2 <= GRADED * structure.noise).sum()) if form is None else 0
-    if soft:
-        upper = upper[np.abs(upper).argsort()][min(soft, _rigid_motions(structure.M, structure.K)) :]
     if len(upper) < count:
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     lowest = upper[np.argsort(upper.imag)][:count]
@@ -78,16 +80,14 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> 
     return lowest
 
 
-def _rigid_motions(M: Array, K: Array) -> int:
-    """Return the number of modes whose stiffness is below the rounding of ``K``: it moves their poles off zero."""
-    if not (is_symmetric(M) and is_symmetric(K)):
-        return 0
+def _without_rigid_motions(structure: Structure, modes: tuple[Array, Array] | None) -> Structure:
+    """Return the structure in modes, by default all, without undamped rigid motions: rounding moves their poles off zero."""
     try:
-        V = linalg.eigh(K, M)[1]
-    except linalg.LinAlgError:
-        return 0
-    stiffness, parts = (np.einsum("ji,jk,ki->i", v, k, v) for v, k in ((V, K), (np.abs(V), np.abs(K))))
-    return int((np.abs(stiffness) <= GRADED * EPS * parts).sum())
+        frequencies, V = modes or undamped_modes(structure)
+    except ValueError:  # Matrices without real modes.
+        return structure
+    damping, terms = (np.einsum("ij,ij->j", v, C @ v) for v, C in ((V, structure.C), (np.abs(V), np.abs(structure.C))))
+    return structure.projected(V[:, (frequencies > 0.0) | (damping > ROOT * terms)])
 
 
 def with_statics(
