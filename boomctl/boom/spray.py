@@ -486,7 +486,8 @@ def _stay_below(edges: Array, path: Array, time: Array, thickness: float) -> Arr
     count = np.maximum(done - first, 0)
     narrow, broad = np.minimum(travel, thickness), np.maximum(travel, thickness)
     parts = np.zeros(len(edges))
-    for some in np.array_split(np.arange(len(dt)), 1 + count.sum() // _PORTION):
+    cuts = np.searchsorted(np.cumsum(count), np.arange(_PORTION, count.sum(), _PORTION))
+    for some in np.split(np.arange(len(dt)), cuts):
         many = count[some]
         step, before = np.repeat(some, many), np.cumsum(many) - many
         edge = np.arange(len(step)) - np.repeat(before - first[some], many)

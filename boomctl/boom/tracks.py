@@ -280,8 +280,8 @@ def iso_track(
     Raises
     ------
     TypeError, ValueError
-        If `road_class` is unknown, if `length` exceeds the ground, if `spacing` is too long for the shortest wave, or if the
-        track has no wave within `wave_number_range`.
+        If `road_class` is unknown, if `length` exceeds the ground, if `spacing` is too long for the shortest wave, if the
+        track has no wave within `wave_number_range`, or if this range has too many.
 
     Notes
     -----
@@ -298,7 +298,9 @@ def iso_track(
     True
     """
     spacing, round_trip = positive("spacing", spacing), truth("periodic", periodic)
-    longest = positive("length", length) if round_trip else within("length", length, 0.0, GROUND_LENGTH, "m")
+    longest = positive("length", length)
+    if longest > GROUND_LENGTH and not round_trip:
+        raise ValueError(f"`length` must be at most {GROUND_LENGTH:g} m, got {longest:g} m. Use periodic=True.")
     low, high = span("wave_number_range", wave_number_range)
     if high >= 0.5 / spacing:
         raise ValueError(

@@ -118,7 +118,7 @@ class ReductionResult:
         """Yield the claims that can be proved."""
         full, reduced = of(self._full, sampled=True), of(self._reduced, sampled=True)
         approximation = (
-            "the state space that approximation for the structure" if isinstance(self._full, SecondOrderModel) else ""
+            "the state-space approximation of the structure" if isinstance(self._full, SecondOrderModel) else ""
         )
         if self.retained_order:  # The response near their poles is exact, regardless of the last digits.
             approximation = "states that are retained unchanged except for rounding"

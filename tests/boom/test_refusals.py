@@ -77,7 +77,7 @@ REFUSED = [
         "`wave_number_range` must be two nonnegative numbers, ascending, got .3.0, 1.0.",
     ),
     (lambda: road(wave_number_range=(0.01, 1.0, 2.0)), "`wave_number_range` must be two nonnegative numbers"),
-    (lambda: road(length=12e3), r"length = 12000\.0: expected a number from 0 to 10000 m"),
+    (lambda: road(length=12e3), r"`length` must be at most 10000 m, got 12000 m\. Use periodic=True"),
     (
         lambda: road(wave_number_range=(0.01, 600.0), spacing=5e-4),
         r"wave_number_range = 600\.0: expected a number from 0 to 500 /m",

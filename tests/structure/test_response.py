@@ -77,6 +77,27 @@ def test_modes_limited_by_damper_match_direct_solution(damping, away):
     assert (np.abs(found - truth) < 1e-8 * np.abs(truth).max(axis=(0, 1))).all()
 
 
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("damper", [1e2, 1e9, 1e14])
+def test_each_response_behind_strong_damper_is_accurate(place, damper):
+    """A damper that nearly holds a mass: the responses beyond it are differences of large terms."""
+    K = 2.0 * np.eye(4) - np.eye(4, k=1) - np.eye(4, k=-1)
+    C = damper * np.diag(np.eye(4)[place])
+    outputs = {f"y{i}": row for i, row in enumerate(np.eye(4))}
+    model = SecondOrderModel(np.eye(4), C, K, {"f": np.eye(4)[0]}, outputs)
+    omega = np.linspace(0.01, 3.0, 2000)
+    truth = direct(model, omega)
+    assert (np.abs(model.frequency_response(omega).frdata - truth) <= 1e-8 * np.abs(truth)).all()
+
+
+def test_unsymmetric_mass_of_light_part_matches_direct_solution():
+    M, K = np.diag([1e12, 1.0, 1.0]), np.diag([1e12, 1.0, 2.0])
+    M[1, 2], M[2, 1] = 0.3, -0.3
+    model = SecondOrderModel(M, 0.1 * np.eye(3), K, {"f": np.eye(3)[1]}, {"y": np.eye(3)[2]})
+    omega = np.linspace(0.01, 3.0, 2000)
+    assert model.frequency_response(omega).frdata == pytest.approx(direct(model, omega), rel=1e-9)
+
+
 @pytest.mark.parametrize("others", [np.array([]), np.linspace(0.1, 0.9, 60)])
 def test_an_undamped_resonance_hit_exactly_is_refused(others):
     K = np.diag(np.arange(1.0, 7.0) ** 2)

@@ -16,12 +16,15 @@ from boomctl.structure.ports import Ports
 from boomctl.structure.response.modes import undamped_modes
 
 _MAX_DAMPERS = 6  # An update of higher rank costs about as much as dense solutions.
-_CANCELLED = 1e-10  # Rounding that an update may leave, of the largest value at its frequency.
+_CANCELLED = 1e-10  # Largest rounding error of an update, relative to the response.
+_SMALL = 1e-6  # Responses of an output to an input below this fraction of its largest response need fewer digits.
 
 
 def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
     """Return the response (outputs, inputs, frequencies); None without real modes, with many dampers, or if it cancels."""
     form = structure.strain_form
+    if form is None and not (_is_symmetric(structure.M) and _is_symmetric(structure.K)):
+        return None
     try:
         frequencies, V = undamped_modes(structure) if form is None else form.modes()
     except ValueError:
@@ -57,6 +60,13 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
     return ports.conditioned(s, Y)
 
 
+def _is_symmetric(matrix: Array) -> bool:
+    """Return whether a matrix is symmetric relative to its diagonal, in whatever units its coordinates are."""
+    diagonal = np.abs(matrix.diagonal())
+    size = np.sqrt(np.maximum(diagonal, EPS * diagonal.max()))
+    return bool((np.abs(matrix - matrix.T) <= SOLVED * size[:, None] * size).all())
+
+
 def _receptance(
     stiffness: Array, beta: float, gamma: Array, u: Array, lines: Array, columns: Array, omega: Array
 ) -> Array | None:
@@ -74,11 +84,12 @@ def _receptance(
         both = np.empty((len(products), len(omega)), complex)
         both.real, both.imag = products @ (elastic * size), products @ (-damping * size)
         both = both.reshape(len(left), len(right), -1)
-        largest = np.abs(both[:p, :m]).max(axis=(0, 1), initial=0.0)
+        before = np.abs(both[:p, :m])
         for j, factor in enumerate(gamma):  # one damper after the other
             row, pivot = both[p + j], both[p + j, m + j].copy()
             pivot.imag -= 1.0 / (factor * omega)
             both -= both[:, m + j, None] * (row / pivot)
     result = both[:p, :m]
-    accurate = EPS * largest <= _CANCELLED * np.abs(result).max(axis=(0, 1), initial=0.0)
-    return result if accurate.all() else None
+    after = np.abs(result)
+    limit = _CANCELLED * np.maximum(after, _SMALL * after.max(axis=1, keepdims=True, initial=0.0))
+    return result if (EPS * before <= limit).all() else None
