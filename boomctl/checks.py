@@ -300,7 +300,7 @@ def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str])
         known(what, name, choices)
     if len(set(listed)) != len(listed):
         twice = next(name for name in listed if listed.count(name) > 1)
-        raise ValueError(f"{what} {twice!r} is asked for twice")
+        raise ValueError(f"{what} {twice!r} is given twice")
     return listed
 
 

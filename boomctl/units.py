@@ -24,9 +24,9 @@ def is_half(name: str) -> bool:
 
 
 def half_unit(unit: str, name: str) -> str:
-    """Return the unit of a subsystem's signal: ``"m (orthonormal, root of two times the mean)"``."""
+    """Return the unit of a subsystem's signal: ``"m (sqrt(2) times the mean)"``."""
     of = next((words for ending, words in HALVES.items() if name.endswith(ending)), "")
-    return f"{unit} (orthonormal, root of two times {of})" if of and unit else unit
+    return f"{unit} (sqrt(2) times {of})" if of and unit else unit
 
 
 def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence[str]) -> str:

@@ -61,7 +61,7 @@ def half_design(model, side):
         f"{name}: smaller controller": f"{smaller.order} of {synthesis.controller.nstates} states, gamma {smaller.gamma:.4g}",
         f"{name}: whole mesh": f"stable at the samples, verified norm {mesh.lower_bound:.4g} with {sampled.nstates} states",
         f"{name}: between samples": f"from the track behind its filter to weighted tip and stroke a gain of "
-        f"{between.lower_bound:.4g} is reached, and none above {between.upper_bound:.6g}",
+        f"{between.lower_bound:.4g} is reached, at most {between.upper_bound:.6g} is proved",
     }
     if not np.isfinite(mesh.upper_bound):
         raise bc.exceptions.SynthesisError(

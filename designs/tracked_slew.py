@@ -87,7 +87,7 @@ def design(modes: int = 2, runs: int = 256) -> SlewDesign:
         f"A stiffness that is wrong leaves at most 1/{int(least)} of the vibration with feedback; of {runs} machines drawn"
         f" 95 % stay below {after:.0f} mm, without feedback below {before:.0f} mm.",
     )
-    caption = f"{runs} machines drawn evenly and independently. Bands: the middle half, and nine of ten. "
+    caption = f"{runs} machines drawn evenly and independently. Bands: 25 to 75 %, and 5 to 95 %. "
     pictures = (
         picture("held", figure_of(held.plot), f"{caption}With feedback.", "png"),
         picture("alone", figure_of(alone.plot), f"{caption}The plan alone.", "png"),

@@ -268,8 +268,8 @@ class Margins:
     def __figures__(self) -> dict[str, float]:
         """Return the metrics for a comparison."""
         figures = {
-            "phase margin, least [deg]": min(x.phase_margin_deg for x in self.loops),
-            "delay margin, least [s]": min(x.delay_margin for x in self.loops),
+            "phase margin, min [deg]": min(x.phase_margin_deg for x in self.loops),
+            "delay margin, min [s]": min(x.delay_margin for x in self.loops),
         }
         return figures | {f"disk margin, {where.removeprefix('at ')}": d.alpha for where, d in self._disks.items()}
 
@@ -291,7 +291,7 @@ class Margins:
             factors = 1.0 / disk.gain_margin, disk.gain_margin
             gains = (f"{x:.4g}" for x in (*factors, *map(_decibels, factors)))
             ends = ("", f"{disk.phase_margin_deg:.4g}", _frequency(disk.omega), "", disk._text)
-            table.append((f"all at once: {where.removeprefix('at all ')}", *gains, *ends))
+            table.append((f"all loops: {where.removeprefix('at all ')}", *gains, *ends))
         return table
 
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 # Residue of an undamped mode, relative to the largest one between two signals, up to which it does not contribute.
 _HIDDEN = 1e-10
 _WIDE = 20  # Width of a pole z in a table, in characters.
-_CAPTION = "signals in %: peak of the mode over that of the highest mode, with the other signal that shows it most"
+_CAPTION = "signals in %: peak of the mode relative to the highest mode, largest over the other signals"
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def mode_table(system: "SecondOrderModel | control.StateSpace | control.Transfer
     chain, rest = _rigid(plain.balanced())
     modal = diagonalized(rest)
     if modal is None:
-        raise ValueError("system: it has poles without eigenvectors of their own (a chain of equals, critical damping)")
+        raise ValueError("system: it has defective poles (a Jordan block, as of critical damping)")
     chosen = np.flatnonzero(modal.poles.imag >= 0.0)
     dt, rates = plain.dt, rates_of(modal.poles, plain.dt)
     chosen = chosen[np.argsort(np.abs(rates[chosen]), kind="stable")]

@@ -64,13 +64,13 @@ UNSTABLE = "an unstable pole"  # Infinite.
 UNDAMPED = "a pole on the imaginary axis"  # Infinite, if the pole contributes to the response.
 ON_CIRCLE = "a pole on the unit circle"  # The same in discrete time.
 NO_RESPONSE = "zero response"
-IN_MODES = "the sum over the modes stays below at all frequencies"  # For a level just above the peak.
+IN_MODES = "modal sum below it at all frequencies"  # For a level just above the peak.
 NO_CROSSING = "no Hamiltonian eigenvalue on the imaginary axis"  # For such a level: verified.
 PROVED = "proved in exact arithmetic, of the numbers as they are stored"
 OF_DATA = "largest value on the grid of the data"  # No upper bound.
 # Without an upper bound as well:
 UNDECIDED = "an eigenvalue too close to the stability boundary to decide"
-LOST = "rounding of the entries may change the peak by more than a norm is certified to"
+LOST = "rounding of the entries may change the peak by more than the certified tolerance"
 NOT_PROVED = "rounding of the entries may change it, and exact arithmetic takes too long"
 
 

@@ -93,7 +93,7 @@ class NyquistStability:
     def __repr__(self) -> str:
         verdict = "stable" if self.stable else f"{self.unstable_poles} unstable poles"
         least = f"{self.min_return_difference:.4g} at {self.min_return_difference_omega:.4g} rad/s"
-        beyond = f"loop gain below one beyond {self.omega_max:.4g} rad/s, as far as computed"
+        beyond = f"loop gain below 1 above {self.omega_max:.4g} rad/s (evaluated, not proved)"
         head = f"NyquistStability: {verdict}\n  least singular value of I - G K {least}"
         return f"{head}\n  {beyond}; {self.nfev} frequencies evaluated"
 
@@ -166,10 +166,12 @@ def nyquist_stability(
     windings = (turned - rest) / np.pi
     count = round(windings)
     if abs(windings - count) > _WHOLE:
-        raise ArithmeticError(f"the loop winds {windings:.4f} times about zero, not a whole number of times")
+        raise ArithmeticError(f"det(I - G K) encircles zero {windings:.4f} times, not an integer")
     unstable = int((side > 0).sum())
     if unstable - count < 0:
-        raise ArithmeticError(f"{count} encirclements with {unstable} unstable poles: the plant itself is not stable")
+        raise ArithmeticError(
+            f"{count} encirclements, {unstable} unstable poles of the controller: the plant is unstable"
+        )
     least = singular_values(values.transpose(1, 2, 0))[-1]
     best = int(np.argmin(least))
     closest = float(least[best]), float(omega[best])

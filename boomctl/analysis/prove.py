@@ -135,13 +135,13 @@ def _shown(claim: Claim, parts: list[Exact]) -> Iterator[str]:
             growing, on_axis, _ = exact.sides
             if (growing or on_axis) and claim.stable:
                 where = f"a pole at {exact.slowest:.6g}"
-                _refute(claim, f"{growing} poles grow, {len(on_axis)} lie on the boundary of stability, {where}")
+                _refute(claim, f"{growing} unstable poles, {len(on_axis)} on the stability boundary, {where}")
         yield "stable"
     if claim.norm is not None and claim.norm[0] == inf:
         growing, shown = (any(exact.sides[k] for exact in parts) for k in (0, 2))
         if not (growing or shown):  # an unstable pole counts even if it does not contribute
-            _refute(claim, "all poles decay or do not show")
-        yield "not stable" if growing else "a pole on the boundary of stability shows"
+            _refute(claim, "all poles are stable or cancel")
+        yield "not stable" if growing else "a pole on the stability boundary, not canceled"
     elif claim.norm is not None:
         yield _norm_shown(claim, parts, *claim.norm)
     if claim.energy is not None:

@@ -151,7 +151,7 @@ def between_signals(
     return result
 
 
-NO_SINES = "unstable: these are not responses to sines, which would grow without bound"
+NO_SINES = "unstable: these are no steady-state responses, which do not exist"
 
 
 @dataclass(frozen=True, eq=False)

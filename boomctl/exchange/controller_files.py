@@ -299,8 +299,8 @@ def _check_not_subsystem(K: Lti) -> None:
     result = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
     if result:
         raise ValueError(
-            f"controller: {result[0]!r} is a signal of a half, root of two times what a machine has; expected the controller"
-            " that join_symmetric makes of those of both halves, or allow_subsystem=True"
+            f"controller: {result[0]!r} is a signal of a symmetric or antisymmetric subsystem, scaled by"
+            " sqrt(2); combine both controllers by join_symmetric, or set allow_subsystem=True"
         )
 
 

@@ -52,7 +52,7 @@ def of_sets(estimates: Array) -> Spread:
     """Return the spread of estimates from another data set, from the estimates of each data set (sets, p)."""
     size = len(estimates)
     result = np.atleast_2d(np.cov(estimates.T, ddof=1)) * (1.0 + 1.0 / size)
-    source = f"how much {count(size, 'data set')} differ: they hold for another one"
+    source = f"scatter of {count(size, 'data set')}, for a further one"
     return Spread(result, np.full(estimates.shape[1], size - 1.0), source)
 
 

@@ -102,15 +102,15 @@ class FitCertificate:
                 else f", offset {self.distance_to_minimum:.2g}"
             )
         if not self.is_minimum:
-            parts.append("the sum of squares is not least here")
+            parts.append("not a minimum of the sum of squares")
         parts.append(f"{self.n_agreeing_starts} of {count(self.n_starts, 'start')} agree")
         if self.alternatives:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in self.alternatives[0].items())
             parts.append(f"other parameters fit within the confidence limit too, such as {values}")
         if self.at_bounds:
-            parts.append(f"{', '.join(self.at_bounds)} at an end of the range: the best fit lies beyond")
+            parts.append(f"{', '.join(self.at_bounds)} at a bound: the fit improves beyond it")
         if not self.fit_adequate:
-            parts.append("the intervals are those of an inadequate model")
+            parts.append("intervals of an inadequate model")
         return "; ".join(parts)
 
     def __repr__(self) -> str:

@@ -231,7 +231,7 @@ class FitResult(Summarized):
 
     def _errors(self) -> str:
         if np.isnan(self.error_std):
-            return "as many parameters as numbers: the residuals do not show the errors; give a deviation"
+            return "as many parameters as data: the errors cannot be estimated; set error_std"
         size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
         return f"errors of {size}, {'estimated from the residuals' if self.error_std_estimated else 'as given'}"
 

@@ -30,5 +30,5 @@ VISIBLE = 1e-4  # Fraction of the largest response that is visible in a plot.
 def warn_of_rounding(what: str, error: float, limit: float) -> None:
     """Warn if the relative rounding error ``error`` of a result exceeds ``limit``."""
     if error > limit:
-        message = f"rounding of {what} may be as much as {error:.1g} of its size"
-        warn_user(f"{message}: more than the {limit:.0e} that is usual", AccuracyWarning)
+        message = f"rounding of {what} may change it by {error:.1g} (relative)"
+        warn_user(f"{message}, more than the usual {limit:.0e}", AccuracyWarning)

@@ -71,7 +71,7 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
             (upper.loglog if (size > 0.0).any() else upper.semilogx)(x, size, **look)
             lower.semilogx(x, phase[o, i][shown], **look)
         if result._unstable:
-            said = "unstable: no response to sines, which would grow"
+            said = "unstable: no steady-state response"
             upper.text(0.5, 1.02, said, transform=upper.transAxes, ha="center", va="bottom", fontweight="bold")
         upper.set_ylabel("magnitude")
         lower.set_ylabel("phase [deg]")

@@ -57,7 +57,7 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
         look["color"] = drawn.get_color()
     color = look.get("color")
     if not result.stable:
-        said = f"{label or 'unstable'}: no response to sines, which would grow"
+        said = f"{label or 'unstable'}: no steady-state response"
         height = 1.02 + 0.06 * len(ax.texts)  # In axes units: right of the curves, above the notes of other systems.
         ax.text(0.5, height, said, transform=ax.transAxes, ha="center", va="bottom", color=color, fontweight="bold")
     if result.verified and np.isfinite(result.peak) and result.peak_omega > 0.0:

@@ -252,19 +252,19 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
     """
     deviation = study.outputs["hub_angle"] - study.reference["hub_angle"]
     rows = (
-        ("hub angle less plan [rad]", deviation, None),
+        ("hub angle error [rad]", deviation, None),
         ("tip displacement [m]", study.outputs["tip_displacement"], study.reference["tip_displacement"]),
         ("torque [N m]", study.outputs["torque"], study.reference["torque"]),
     )
-    names = [*(row[0] for row in rows), "share of runs"]
+    names = [*(row[0] for row in rows), "fraction of runs"]
     with panels(ax, names, (7.0, 7.2), _over_time_and_below) as axes:
         for item, (label, runs, planned) in zip(axes, rows, strict=False):
             low, quarter, middle, most, high = np.quantile(runs, _BANDS, axis=0)
-            look = line_look(style, linewidth=1.0, label="middle run")
+            look = line_look(style, linewidth=1.0, label="median")
             (line,) = item.plot(study.time, middle, **look)
             color = line.get_color()
-            item.fill_between(study.time, low, high, color=color, alpha=0.18, linewidth=0.0, label="nine of ten")
-            item.fill_between(study.time, quarter, most, color=color, alpha=0.35, linewidth=0.0, label="middle half")
+            item.fill_between(study.time, low, high, color=color, alpha=0.18, linewidth=0.0, label="5 to 95 %")
+            item.fill_between(study.time, quarter, most, color=color, alpha=0.35, linewidth=0.0, label="25 to 75 %")
             if planned is not None:
                 item.plot(study.time, planned, color="0.35", linewidth=0.8, linestyle="--", label="planned")
             item.axvline(study.duration, color="0.7", linewidth=0.8)
@@ -276,9 +276,9 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
         fraction = np.arange(1, left.size + 1) / left.size
         axes[3].semilogx(np.append(left[0], left), np.append(0.0, fraction), **line_look(style, drawstyle="steps-post"))
         axes[3].set_ylim(0.0, 1.02)
-        axes[3].set_ylabel("share of runs")
-        axes[3].set_xlabel("vibration left, at most [m]")
-        how = "with feedback" if study.feedback else "plan alone"
+        axes[3].set_ylabel("fraction of runs")
+        axes[3].set_xlabel("residual vibration [m]")
+        how = "with feedback" if study.feedback else "feedforward only"
         axes[0].set_title(f"{study.residual_vibration.size} runs, {how}")
         axes[0].figure.align_ylabels(list(axes))
     return axes

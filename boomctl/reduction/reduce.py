@@ -130,11 +130,11 @@ def reduce(
         result = _reduced(model, order, wanted, method, limits)
     if order is not None and result.order < order:
         reason = (
-            "a pair of poles stays whole"
+            "complex pairs are not split"
             if method == "modal"
             else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
         )
-        warn_user(f"order = {order}: {result.order} states come back; {reason}", LowerOrderWarning)
+        warn_user(f"order = {order}: {result.order} states returned; {reason}", LowerOrderWarning)
     return result
 
 

@@ -316,7 +316,7 @@ class StrongestModes(Reducer):
         stable, retained = parts.rest, parts.retained
         if not _same(self.parts.retained, retained):
             raise ReductionError(
-                f"{len(self.parts.retained.A)} unstable, undamped or rigid-body states do not come out as they went in "
+                f"{len(self.parts.retained.A)} unstable, undamped or rigid-body states are not preserved "
                 f"({len(retained.A)} in the reduced structure): damping couples them to truncated modes"
             )
         return smaller, verified(self.parts, stable, inf, self.band)[1]

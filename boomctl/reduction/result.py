@@ -131,7 +131,7 @@ class ReductionResult:
         within = "" if self.omega_range is None else " from {:.6g} to {:.6g} rad/s".format(*self.omega_range)
         everywhere = within and " at all frequencies"
         error = f"error {self.error_norm:.6g}{within}, verified; bound {self.error_bound:.6g}{everywhere}"
-        requested = "" if self.requested_order in (None, self.order) else f" ({self.requested_order} asked for)"
+        requested = "" if self.requested_order in (None, self.order) else f" ({self.requested_order} requested)"
         states = f"{self.order} of {self.full_order} states{requested}"
         return f"ReductionResult: {states}, {self.method}: {ends}\n  {error}{retained}"
 

@@ -168,7 +168,7 @@ def forced_response(
             for modal in map(ModalPlant.of, (system, _rounded(system)))
         )
         if not np.isfinite(y).all():
-            raise ValueError("plant: its outputs grow beyond all numbers before the last of timepts")
+            raise ValueError("plant: its outputs overflow before the last of timepts")
         size, change = np.abs(y).max(axis=1), np.abs(y - nearby).max(axis=1)
         estimate = float(np.max(_UNITS * change / np.where(size > 0.0, size, 1.0), initial=0.0) + SOLVED)
         return ForcedResponse(time, dict(zip(read, y, strict=True)), _as_arrays(inputs), estimate, len(system.A))

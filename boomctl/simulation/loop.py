@@ -299,9 +299,7 @@ def _result(p: LoopProblem, log: ControlLog, moving: Array, contacts: ContactLog
     sampled = _from_sample_to_sample(p)
     advice = _sign_advice(p, sampled)
     if not np.isfinite(outputs).all():
-        raise ValueError(
-            f"the loop diverges: its outputs grow beyond all numbers before the last of timepts. {advice}".rstrip()
-        )
+        raise ValueError(f"the loop diverges: its outputs overflow before the last of timepts. {advice}".rstrip())
     warn_of_sign(advice)
     friction = None
     if contacts is not None and p.contacts is not None and p.contacts.law is not None:

@@ -119,7 +119,9 @@ class SlewComparison:
 
     def __repr__(self) -> str:
         what = f"{self.angle:.6g} rad" if self.angle is not None else f"spin-ups to {self.final_speed:.6g} rad/s"
-        lines = [f"  {x.name}: {x.duration:.4g} s, vibration left {x.residual_vibration:.3g} m" for x in self.rows[:3]]
+        lines = [
+            f"  {x.name}: {x.duration:.4g} s, residual vibration {x.residual_vibration:.3g} m" for x in self.rows[:3]
+        ]
         more = [f"  ... {len(self.rows) - 3} more"] if len(self.rows) > 3 else []
         return "\n".join([f"SlewComparison: {what}, {self.torque_limit:.6g} N m", *lines, *more])
 

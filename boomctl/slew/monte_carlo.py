@@ -64,14 +64,14 @@ class TrackingStudy:
         ]
         middle, most = np.quantile(self.residual_vibration, [0.5, 0.95])
         off = np.quantile(np.abs(self.angle_error), 0.95)
-        how = "with feedback" if self.feedback else "plan alone"
+        how = "with feedback" if self.feedback else "feedforward only"
         waited = f" from {self.settling_time:.3g} s after the end" if self.settling_time else ""
         runs = f"{count(len(self.residual_vibration), 'run')} {how}, seed {self.seed}"
         return (
-            f"TrackingStudy: {runs}\n  {'; '.join(ranges) or 'all alike'}\n"
-            f"  vibration{waited}: {middle:.3g} m in the middle, {most:.3g} m in 95 %, "
-            f"{self.residual_vibration.max():.3g} m at most\n"
-            f"  hub off by {off:.3g} rad at the end in 95 %"
+            f"TrackingStudy: {runs}\n  {'; '.join(ranges) or 'no spread'}\n"
+            f"  vibration{waited}: median {middle:.3g} m, 95 % below {most:.3g} m, "
+            f"maximum {self.residual_vibration.max():.3g} m\n"
+            f"  hub angle error at the end: 95 % below {off:.3g} rad"
         )
 
     def __getitem__(self, name: str) -> Array:

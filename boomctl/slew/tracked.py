@@ -106,10 +106,10 @@ class TrackedSlew:
     def __repr__(self) -> str:
         step = self.controller.dt
         how = f"LQG from {listed(self.controller.input_labels, 40)}" if self.noise else "LQR of all states"
-        reserve = f"{self.planning_torque_limit:g} N m planned of {self.torque_limit:g}"
+        reserve = f"{self.planning_torque_limit:g} of {self.torque_limit:g} N m planned"
         return (
             f"TrackedSlew: {self.duration:.6g} s, sampled every {step:.4g} s\n  {how}\n  torque: {reserve}\n"
-            f"  stable at the end, the slowest pole in {self.time_constant:.3g} s"
+            f"  stable at the end, slowest time constant {self.time_constant:.3g} s"
         )
 
     @one_blas_thread

@@ -74,7 +74,7 @@ def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:
     """Raise if a column is zero or depends on the others, naming it."""
     zero = np.flatnonzero(norms == 0.0)
     if len(zero):
-        raise ValueError(f"{names[zero[0]]!r} moves no coordinate: its displacement cannot be prescribed")
+        raise ValueError(f"{names[zero[0]]!r} is fully constrained: its displacement cannot be prescribed")
     if block.shape[0] < block.shape[1]:
         raise ValueError(f"{', '.join(map(repr, names))}: more displacements are prescribed than the points can move")
     _, R, order = linalg.qr(block / norms, mode="economic", pivoting=True)

@@ -72,7 +72,7 @@ def test_a_mode_on_the_axis_that_does_not_show_does_not_count(A, hidden):
 def test_claimed_stability_of_mode_on_the_axis_is_refuted(A):
     n = len(A)
     claim = Claim("loop", of(beside(np.array(A), np.eye(n)[:, -1:], np.eye(n)[0])), stable=True)
-    with pytest.raises(CertificateError, match=f"{n} lie on the boundary of stability"):
+    with pytest.raises(CertificateError, match=f"{n} on the stability boundary"):
         bc.prove(SimpleNamespace(__claims__=lambda: iter([claim])))
 
 

@@ -60,7 +60,7 @@ def test_margins_do_not_depend_on_units():
     for name in ("multiloop_input", "multiloop_output", "multiloop_io"):
         assert getattr(second, name).alpha == pytest.approx(getattr(first, name).alpha, rel=2e-2)
     assert second["u1"].phase_margin_deg == pytest.approx(first["u1"].phase_margin_deg, rel=1e-5)
-    assert "all at once: everywhere" in str(first)
+    assert "all loops: everywhere" in str(first)
 
 
 @given(st.floats(0.05, 0.95))

@@ -81,7 +81,7 @@ def test_proved_loop_stable_with_any_admissible_dynamics(late):
     tight = bc.robust_stability(plants, K, additive_uncertainty=W, delay=late or 0.0)
     assert tight.proved
     assert tight.small_gain == pytest.approx(0.95, rel=1e-3)
-    assert "with what is not modeled" in tight.method
+    assert "with unmodeled dynamics" in tight.method
     for _ in range(40):
         plant = with_beside(plants.at(rng.uniform(-1.0, 1.0, 2)), named(turned(W, rng)))
         assert slowest(plant, K, late or 0.0) < 0.0
@@ -96,7 +96,7 @@ def test_uncertainty_beyond_bound_not_proved():
         again = bc.robust_stability(plants, K, additive_uncertainty=W)
         assert again.proved == (by < 1.0)
         assert again.destabilizing_values is None
-    assert "gain 1.03 around what is not modeled" in again.message
+    assert "small-gain norm 1.03" in again.message
     gains = []
     for delta in np.random.default_rng(0).uniform(-1.0, 1.0, (30, 2)):
         plant = plants.at(delta).select("u", "y").to_statespace()

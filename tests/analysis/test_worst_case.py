@@ -231,7 +231,7 @@ def test_routes_to_a_norm_agree_as_far_as_both_are_certified():
 def test_where_there_is_no_bound_it_is_said_why():
     case = Walls(np.random.default_rng(1), 2)
     family, K = case.family, case.K
-    assert bc.worst_case(family, K, "push", "z", rtol=None).message == "none was requested"
+    assert bc.worst_case(family, K, "push", "z", rtol=None).message == "not requested"
     few = bc.worst_case(family, K, "push", "z", max_cells=1, rtol=1e-6)
     assert few.upper_bound == np.inf
     assert "max_cells = 1" in few.message

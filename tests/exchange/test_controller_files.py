@@ -191,12 +191,14 @@ def test_c_needs_signals():
 def test_write_subsystem_controller_raises(tmp_path, suffix):
     signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     K, path = control.ss([], [], [], [[-100.0]], 0.01, **signals), tmp_path / f"yaw{suffix}"
-    with pytest.raises(ValueError, match=r"'stroke_anti' is a signal of a half.*join_symmetric"):
+    with pytest.raises(
+        ValueError, match=r"'stroke_anti' is a signal of a symmetric or antisymmetric subsystem.*join_symmetric"
+    ):
         bc.write_controller(K, path)
     written = bc.write_controller(K, path, allow_subsystem=True)
     if suffix == ".json":
         notes = bc.exchange.read_controller_metadata(path)
-        assert notes.units["suspension_anti"] == "N (orthonormal, root of two times half the difference)"
+        assert notes.units["suspension_anti"] == "N (sqrt(2) times half the difference)"
     else:
         assert path in written
     whole = bc.join_symmetric(bc.spray_boom(), control.ss([], [], [], [[-1.0]], 0.01, **SYMMETRIC), K)

@@ -73,7 +73,7 @@ REFUSED = [
     (lambda: fit(free=[]), "free: expected at least one"),
     (lambda: fit(free=None), "free = None"),
     (lambda: fit(free=["k9"]), "unknown free parameter 'k9'; did you mean"),
-    (lambda: fit(free=["k1", "k1"]), "'k1' is asked for twice"),
+    (lambda: fit(free=["k1", "k1"]), "'k1' is given twice"),
     (lambda: fit(free={"k1": (3.0, 1.0)}), "range of k1"),
     (lambda: fit(free={"k1": (1.0, 2.0)}), "`initial` of k1 must be in its range, 1 to 2, got 900"),
     (lambda: fit(initial={**CHAIN, "k1": 0.0}), "`initial` of k1 must be above zero"),

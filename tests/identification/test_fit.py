@@ -213,7 +213,7 @@ def test_a_family_is_fitted_within_its_box():
     stiff = bc.fit(family, 1.5 * measured, initial={"spring_factor": 1.1}, n_starts=2)
     assert stiff.certificate.at_bounds
     assert not stiff.success
-    assert "end of the range" in repr(stiff.certificate)
+    assert "at a bound" in repr(stiff.certificate)
 
 
 # -- units, weights, modes ------------------------------------------------------------------------------------------------
@@ -301,7 +301,7 @@ def test_fit_without_redundancy_has_no_intervals():
     open_ends = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, n_starts=1)
     assert set(open_ends.intervals.values()) == {(0.0, np.inf)}
     assert np.isnan(open_ends.error_std)
-    assert "give a deviation" in str(open_ends)
+    assert "set error_std" in str(open_ends)
     known = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, n_starts=1, error_std=0.01)
     assert np.isfinite(list(known.intervals.values())).all()
     for name in ("k1", "k2"):
@@ -455,7 +455,7 @@ def test_days_that_differ_make_the_interval_as_wide_as_they_do():
     np.testing.assert_allclose([np.log(found.values["k1"] / low), np.log(high / found.values["k1"])], half, rtol=0.05)
     alone = bc.fit(dense, days[0], ["k1"], {**CHAIN, "c": 4e-3}, n_starts=1)
     assert not alone.intervals["k1"][0] < 921.0 < alone.intervals["k1"][1]
-    assert "4 data sets differ" in found.uncertainty_source
+    assert "scatter of 4 data sets" in found.uncertainty_source
     assert "data set 4: k1 = 92" in str(found)
     labels = found.plot().get_legend_handles_labels()[1]
     assert [f"measured, data set {k + 1}" in labels for k in range(4)] == [True] * 4

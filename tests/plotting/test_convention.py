@@ -284,7 +284,7 @@ def test_an_unstable_system_says_so_in_a_comparison_too():
     assert "loop" in repr(both)
     assert "unstable" in repr(both)
     ax = both.plot(Figure().subplots(), linestyle="-")
-    assert [text.get_text() for text in ax.texts] == ["loop (unstable): no response to sines, which would grow"]
+    assert [text.get_text() for text in ax.texts] == ["loop (unstable): no steady-state response"]
     assert ax.get_lines()[0].get_linestyle() == ":"
 
 

@@ -57,4 +57,4 @@ def test_an_order_not_asked_for_is_said(method):
             reduced = bc.reduce(system, order, method)
         assert reduced.requested_order == order
         assert (reduced.order < order) == any(one.category is LowerOrderWarning for one in said)
-        assert (f"{order} asked for" in repr(reduced)) == (reduced.order < order)
+        assert (f"{order} requested" in repr(reduced)) == (reduced.order < order)

@@ -67,7 +67,7 @@ def test_an_error_below_rounding_is_at_most_rounding():
     )
     for order in (2, 3, 4):
         with (
-            pytest.warns(LowerOrderWarning, match=rf"order = {order}: 2 states come back; .* rounding")
+            pytest.warns(LowerOrderWarning, match=rf"order = {order}: 2 states returned; .* rounding")
             if order > 2
             else warnings.catch_warnings()
         ):

@@ -86,7 +86,7 @@ _SIGNALS = [
     (lambda: _pole(0.5, dt=0.1), "its sampling time is 0.1 s"),
     (lambda: _run(ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)), "continuous time"),
     (lambda: _grows(40.0, lambda P, t, d: simulate_loop(P, None, t, d, sample_time=0.5)), "diverges"),
-    (lambda: _grows(5.0, forced_response), "beyond all numbers"),
+    (lambda: _grows(5.0, forced_response), "overflow"),
     (lambda: _boom({}), "not empty"),
     (lambda: _boom({"actuator": _TIME}), "did you mean"),
 ]

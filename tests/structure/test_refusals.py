@@ -160,7 +160,7 @@ REFUSED = [
     ),
     (lambda: SecondOrderModel(*3 * (np.eye(2),), coordinates=["a", "a"]), "coordinates: expected 2 different names"),
     (lambda: MODEL.select(inputs="rigth"), r"unknown input 'rigth'; did you mean 'right'\? \(there are: left, right"),
-    (lambda: MODEL.select(inputs=["left", "left"]), "input 'left' is asked for twice"),
+    (lambda: MODEL.select(inputs=["left", "left"]), "input 'left' is given twice"),
     (
         lambda: bc.sigma(one.boom(), "tip_left"),
         "omega = 'tip_left': expected frequencies; signals are named by inputs=",

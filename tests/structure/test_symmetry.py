@@ -74,7 +74,7 @@ def test_units_say_what_a_signal_is():
         assert [whole.units[name] for name in names] == ["m", "m/s^2", "N", unit]
     assert bc.spray_boom(reaction_forces=True).units["actuator_left_force"] == "N"
     jolt, yaw = split_symmetric(bc.spray_boom(excitation="force"))
-    assert yaw.units["tip_anti"] == "m (orthonormal, root of two times half the difference)"
-    assert jolt.units["actuator_sym"] == "N (orthonormal, root of two times the mean)"
+    assert yaw.units["tip_anti"] == "m (sqrt(2) times half the difference)"
+    assert jolt.units["actuator_sym"] == "N (sqrt(2) times the mean)"
     assert jolt.units["cradle"] == "N"  # its own image: no pair, no root
     assert SecondOrderModel([[1.0]], [[0.0]], [[4.0]], {"f": [1.0]}, {"y": [1.0]}).units == {"f": "", "y": ""}

@@ -27,7 +27,7 @@ def test_an_integrator_in_closed_form():
     assert (design.controller.input_labels, design.controller.output_labels) == (["y"], ["u"])
     assert design.closed_loop.input_labels == ["load", "noise"]
     assert design.closed_loop.output_labels == ["place", "effort"]
-    assert "H2 norm of the closed loop 1.41421, verified; least possible 1.41421" in repr(design)
+    assert "H2 norm of the closed loop 1.41421, verified; optimal 1.41421" in repr(design)
 
 
 @given(seeds)

@@ -77,12 +77,12 @@ class RobustStability:
         rate = f"{self.spectral_abscissa:.4g} rad/s"
         if self.destabilizing_values is not None:
             return f"unstable at {listed_values(self.destabilizing_values)} (pole with real part {rate})"
-        verdict = "stable over the whole box, proved" if self.proved else "stable where evaluated, but not proved,"
+        verdict = "proved stable over the box" if self.proved else "stable at all evaluated points, not proved,"
         verdict = f"{verdict} in {count(self.cells, 'cell')}{f' ({self.message})' if self.message else ''}"
-        result = f"{verdict}; real parts of poles found up to {rate}, at {listed_values(self.worst_values)}"
+        result = f"{verdict}; largest real part of a pole found {rate}, at {listed_values(self.worst_values)}"
         if isnan(self.small_gain):
             return result
-        return f"{result}; gain around what is not modeled found up to {self.small_gain:.4g} of its bounds"
+        return f"{result}; largest small-gain norm found {self.small_gain:.4g} (limit 1)"
 
 
 @dataclass(frozen=True)
@@ -228,8 +228,8 @@ def robust_stability(
         if result.left is not None:
             where = f"{listed_values(family.denormalize(result.left))}, where poles have real parts up to"
             reason = (
-                f"given up at {where} {loops.abscissa(result.left):.4g} rad/s: it would take more than max_cells = {limit}, "
-                f"or smaller ones than 1/{limit} of the box"
+                f"not decided at {where} {loops.abscissa(result.left):.4g} rad/s: it takes more than max_cells = {limit}, "
+                f"or cells below 1/{limit} of the box"
             )
         alone = RobustStability(result.proved, None, cells, rate, worst, reason, result.method)
         if additive_uncertainty is None or not result.proved:
@@ -240,10 +240,10 @@ def robust_stability(
         around = small_gain(family, loops.controller, additive_uncertainty, delay, COST_RATIO * limit)
     gain, below = around.lower_bound, around.upper_bound < 1.0
     if gain >= 1.0:
-        reason = f"gain {gain:.4g} around what is not modeled at {listed_values(around.worst_values)}"
+        reason = f"small-gain norm {gain:.4g} at {listed_values(around.worst_values)}"
     else:
-        reason = "" if below else f"gain around what is not modeled not proved below one; worst_case: {around.message}"
-    method = f"{alone.method}; {around.method} with what is not modeled" if below else ""
+        reason = "" if below else f"small-gain norm not proved below 1; worst_case: {around.message}"
+    method = f"{alone.method}; {around.method} with unmodeled dynamics" if below else ""
     cells += around.cells
     return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)
 

@@ -98,20 +98,20 @@ class WorstCase:
         where = f"at {listed_values(self.worst_values)}"
         if self.worst_norm.kind == "hinf":
             where += f" and {self.worst_norm.peak_omega:.4g} rad/s"
-        middle = f"in the middle of the box {self.nominal.lower_bound:.5g}"
-        proved = f"none above {from_on(self.upper_bound)} anywhere in the box, proved in {count(self.cells, 'cell')}"
+        middle = f"at the midpoint {self.nominal.lower_bound:.5g}"
+        proved = f"at most {from_on(self.upper_bound)} over the box, proved in {count(self.cells, 'cell')}"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
         name = NAMES[self.worst_norm.kind]
         return (
-            f"{name} norm up to {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} points tried"
+            f"{name} norm up to {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} evaluations"
         )
 
     def __figures__(self) -> dict[str, float]:
         """Return the metrics for a comparison."""
         return {
-            "worst case found over the box": self.worst_norm.lower_bound,
-            "worst case at most, proved": self.upper_bound,
-            "the same in its middle": self.nominal.lower_bound,
+            "largest norm found over the box": self.worst_norm.lower_bound,
+            "proved upper bound over the box": self.upper_bound,
+            "norm at the midpoint of the box": self.nominal.lower_bound,
         }
 
 
@@ -217,9 +217,9 @@ def worst_case(
         middle = np.zeros(family.nparameters)
         nominal, bound, proof = at(middle), inf, BoxProof(False)
         if norm == "h2":
-            reason = "found, not proved: an H2 norm"
+            reason = "no proofs for H2 norms"
         elif wanted is None:
-            reason = "none was requested"
+            reason = "not requested"
         elif at(delta).lower_bound == inf:
             reason = _LOST
         else:

@@ -69,7 +69,7 @@ class TimeResponse:
         o, i, k = np.unravel_index(int(np.abs(self.outputs).argmax()), self.outputs.shape)
         at = f"{self.outputs[o, i, k]:.6g} at {self.time[k]:.6g} s, {self.input_labels[i]} -> {self.output_labels[o]}"
         unstable = self._of is not None and (sides(self._of.poles, self._of.dt) > 0).any()
-        grows = "\n  unstable: without an end it grows without bound" if unstable else ""
+        grows = "\n  unstable: the response grows without bound" if unstable else ""
         return f"TimeResponse: {self.kind}, {between(self.input_labels, self.output_labels)}\n  {span}; largest {at}{grows}"
 
     def __getitem__(self, name: str | tuple[str, str]) -> Array:
@@ -232,7 +232,7 @@ def _moved(
             X = power @ X
         values = np.concatenate(parts)[:count].transpose(1, 2, 0)
     if not np.isfinite(values).all():
-        raise ValueError(f"system: its outputs grow beyond all numbers within {time[-1]:g} s; it is unstable")
+        raise ValueError(f"system: its outputs overflow within {time[-1]:g} s; it is unstable")
     return TimeResponse(kind, time, values, plain.input_labels, plain.output_labels, plain.dt, plain)
 
 

@@ -111,9 +111,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, C
         except _StepOverflowError:  # caused by an unstable loop, or by too long a step
             coarse, counts, failures = None, finer, failures + 1
             if failures > _FAILURES:
-                raise ValueError(
-                    "the loop diverges: its states grow beyond all numbers before the last of timepts"
-                ) from None
+                raise ValueError("the loop diverges: its states overflow before the last of timepts") from None
             continue
         there, here = (
             at_columns(p.machine.displacements, result[0][:, :: p.grid.per_point])[0] for result in (first, second)

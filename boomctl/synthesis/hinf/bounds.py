@@ -71,7 +71,7 @@ class Bounds:
         if self.lower == 0.0:
             return "none: the lower bound is zero"
         if self.frequency >= self.riccati:
-            return f"at {self.omega:.4g} rad/s no controller goes below {self.frequency:.6g}"
+            return f"lower bound {self.frequency:.6g} at {self.omega:.4g} rad/s"
         return f"below {self.riccati:.6g} {self.reason}"
 
     def below(self, norm: float) -> "Bounds":

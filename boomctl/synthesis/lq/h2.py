@@ -64,7 +64,7 @@ class H2Result(LoopDesign):
 
     def __repr__(self) -> str:
         c = self.certificate
-        norms = f"H2 norm of the closed loop {self.norm:.6g}, {c.norm_bounds.status}; least possible {self.optimal_norm:.6g}"
+        norms = f"H2 norm of the closed loop {self.norm:.6g}, {c.norm_bounds.status}; optimal {self.optimal_norm:.6g}"
         return f"H2Result: controller of {system(self._controller)}\n  {norms}{c._on_full_plant}"
 
 

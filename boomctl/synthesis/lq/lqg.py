@@ -68,7 +68,7 @@ class LqgResult(LoopDesign):
 
     def __repr__(self) -> str:
         c = self.certificate
-        costs = f"cost {self.cost:.6g}, {c.norm_bounds.status}; least possible {c.lower_bound**2:.6g}{c._on_full_plant}"
+        costs = f"cost {self.cost:.6g}, {c.norm_bounds.status}; optimal {c.lower_bound**2:.6g}{c._on_full_plant}"
         return f"LqgResult: controller of {system(self._controller)}\n  {costs}"
 
 

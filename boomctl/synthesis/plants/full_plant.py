@@ -134,11 +134,11 @@ def evaluate_on_full_plant(
 
 def _summary(reduction: ReductionResult, stable: bool | None, ratio: float, slowest: float, norm: NormBounds) -> str:
     plant = f"on the full plant of {reduction.full_order} states"
-    gain = f"K S times the reduction's error of {reduction.error_norm:.3g} is up to {ratio:.3g}"
+    gain = f"K S times the reduction error: norm at most {ratio:.3g}"
     if stable:
-        how = f"proved: {gain}" if ratio < 1.0 else f"by its poles, the slowest at {slowest:.3g} rad/s"
+        how = f"proved: {gain}" if ratio < 1.0 else f"by its poles, largest real part {slowest:.3g} rad/s"
         return f"stable {plant} ({how}){_norm_text(norm)}"
-    result = f"stability is not proved {plant}; {gain}, where less than 1 proves it"
+    result = f"stability is not proved {plant}; {gain} (must be below 1)"
     if stable is False:
         result = f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}"
     return f"{result}; increase the order of the reduction"
