@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from boomctl import gain_schedule
 from boomctl.analysis import hinf_norm, robust_stability, robust_stability_margin, worst_case
 from boomctl.analysis.box.loops import BoxLoops
+from boomctl.analysis.box.polynomials import Cell
 from boomctl.analysis.loops import feedback_loop
 from boomctl.boom import boom_family
 from boomctl.identification.families import names_of_mode, of_modes
@@ -63,6 +64,13 @@ def test_search_stops_at_first_unstable_point():
     assert margin.mu_lower == margin.mu_upper == np.inf
     assert found.destabilizing_values == found.worst_values == {"k": 4.0}
     assert found.spectral_abscissa == pytest.approx(np.sqrt(2.0), rel=0.01)
+
+
+def test_robust_stability_passive_boom_is_proved():
+    none = control.ss([], [], [], [[0.0]], inputs=["stroke_anti"], outputs=["suspension_anti"])
+    found = robust_stability(boom_family(subsystem="yaw"), none)
+    assert found.proved
+    assert found.cells < 50
 
 
 def test_verdicts_read_as_what_they_are():
@@ -163,6 +171,21 @@ def test_loops_of_a_box_have_poles_of_state_space(make, digits, seed):
         true = feedback_loop(family.at(delta), K, injection_points=K.output_labels).poles()
         assert len(mine) == len(true)
         assert (np.abs(mine[:, None] - true).min(axis=0) <= digits * np.abs(true)).all()
+
+
+@given(st.integers(0, 1000))
+@examples(20)
+def test_polynomial_loop_stable_on_largest_proved_cell(seed):
+    """Of cells about one point the large ones contain unstable loops and are not proved; a small one is proved."""
+    rng = np.random.default_rng(seed)
+    family, K = loop_with_polynomials(rng)
+    prove, middle = BoxLoops.of(family, K).parts()[0].prover(1.0), rng.uniform(-0.5, 0.5, 2)
+    reaches = 0.8 ** np.arange(1, 26)
+    proved = next(k for k, reach in enumerate(reaches) if prove(Cell(middle, np.full(2, reach))) is None)
+    assert proved > 0
+    corners = [[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
+    for point in middle + reaches[proved] * np.vstack([corners, rng.uniform(-1.0, 1.0, (8, 2))]):
+        assert feedback_loop(family.at(point), K, injection_points="f").poles().real.max() < 0.0
 
 
 def test_scheduled_loop_poles_match_frozen_loop():

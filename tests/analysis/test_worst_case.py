@@ -226,6 +226,7 @@ def test_routes_to_a_norm_agree_as_far_as_both_are_certified():
     damper = control.ss([], [], [], [[-20.0]], 0.005, inputs="hub_speed", outputs="torque")
     found = bc.worst_case(family, damper, "disturbance_torque", "tip_displacement", max_cells=10)
     assert "more than max_cells = 10" in found.message
+    assert found.upper_bound == np.inf
 
 
 def test_where_there_is_no_bound_it_is_said_why():

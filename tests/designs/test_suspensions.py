@@ -200,6 +200,9 @@ def test_suspension_controller_files_have_its_limits():
     """Its C code has the limits of the field run; a passive suspension has no files."""
     files = evaluated("sampled_suspension").controller_files()
     assert {"controller.json", "controller.mat", "controller.m", "controller.c"} <= set(files)
-    assert f"] = {{R({SCENE.control_limit.hex()}), R({SCENE.control_limit.hex()})}}" in files["controller.c"]
+    assert (
+        f"FORCE[CONTROLLER_CONTROLS] = {{R({SCENE.control_limit.hex()}), R({SCENE.control_limit.hex()})}}"
+        in files["controller.c"]
+    )
     assert not evaluated("passive_tuning").controller_files()
     assert "worst peak there, proved" in evaluated("passive_tuning").report().html

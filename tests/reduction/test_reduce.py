@@ -8,8 +8,6 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.boom.model import ACTUATORS, TIPS
-from boomctl.lti.frequency import singular_values
-from boomctl.lti.system import of
 from boomctl.structure import SecondOrderModel
 from tests.hard_systems import modes
 from tests.strategies import seeds
@@ -31,14 +29,18 @@ def stable_system(seed, most=12, inputs=2, outputs=3):
 
 
 def response(system, omega=GRID):
+    """Return the response from the matrices by numpy: outputs, inputs, frequencies."""
     if isinstance(system, SecondOrderModel):
-        return np.asarray(system.frequency_response(omega).frdata)
-    return of(system, any_time=True).balanced().response(omega)
+        system = system.to_statespace()
+    rate = 1j * omega if not system.dt else np.exp(1j * omega * (1.0 if system.dt is True else system.dt))
+    pencils = rate[:, None, None] * np.eye(system.nstates) - system.A
+    return np.moveaxis(system.C @ np.linalg.solve(pencils, system.B + 0j) + system.D, 0, -1)
 
 
 def gap(full, reduced, omega=GRID):
-    """Return the largest singular value of the difference, both answered from their own matrices."""
-    return singular_values(response(full, omega) - response(reduced, omega))[0]
+    """Return the largest singular values of the difference by numpy."""
+    difference = np.moveaxis(response(full, omega) - response(reduced, omega), -1, 0)
+    return np.linalg.svd(difference, compute_uv=False)[:, 0]
 
 
 def test_methods_exact_at_dc_or_infinity():
@@ -93,9 +95,9 @@ def test_the_boom_keeps_its_response_and_its_names(method, elements):
     red = bc.reduce(model, order=10, method=method)
     assert tuple(red.system.input_labels) == ACTUATORS
     assert tuple(red.system.output_labels) == TIPS
-    shown = gap(model, red.system, bc.sigma(model).omega)
+    shown = gap(model, red.system, bc.sigma(model).omega[::4])
     assert shown.max() <= red.error_norm * (1 + 1e-4)
-    assert shown.max() >= 0.3 * red.error_norm
+    assert shown.max() >= 0.9 * red.error_norm
     assert red.certificate.lower_bound <= red.error_bound
 
 

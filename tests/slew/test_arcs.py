@@ -92,6 +92,7 @@ def test_halves_are_refused_where_the_mirror_image_is_no_slew():
     assert halved(slew_problem(h, 1.0, Limits(100.0))) is not None
     assert halved(slew_problem(h, None, Limits(100.0), final_speed=1.0)) is None
     assert halved(slew_problem(damped, 1.0, Limits(100.0))) is None
+    assert halved(slew_problem(h.linearize(), 1.0, Limits(100.0))) is None
 
 
 @pytest.mark.parametrize("model", ["tlam", "sfoam", "sfoam-consistent", "foam"])

@@ -14,7 +14,6 @@ from tests.slew.systems import rigid, two_masses
 
 pytestmark = pytest.mark.early
 
-ANGLE = np.pi / 2
 LOADED = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), modes=2)
 
 

@@ -12,8 +12,6 @@ from boomctl.structure import SecondOrderModel
 from tests.references import direct
 from tests.strategies import structures
 
-ONE = np.eye(1)
-
 
 def oscillator(m=2.0, c=0.4, k=8.0):
     """Return one mass on a spring."""

@@ -26,7 +26,7 @@ def test_peaks_margins_and_stability_are_those_of_the_loop():
     assert "The loop is stable" in str(result)
     files = result.controller_files()
     assert set(files) >= {"controller.json", "controller.mat", "controller.c"}
-    assert f"] = {{R({(5.0).hex()})}}" in files["controller.c"]
+    assert f"FORCE[CONTROLLER_CONTROLS] = {{R({(5.0).hex()})}}" in files["controller.c"]
 
 
 @pytest.mark.slow
