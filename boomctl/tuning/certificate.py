@@ -129,7 +129,10 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimal_norm
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    return full_order_bound(plant, deadline)[0]
+    lower, notes = full_order_bound(plant, deadline)
+    if lower == 0.0 and notes:
+        raise SynthesisError(f"full-order synthesis of a relaxed problem reaches zero; {notes}")
+    return lower
 
 
 def budget_ratio(norm: ChannelNorm) -> float:

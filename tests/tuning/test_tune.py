@@ -17,7 +17,7 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti
 from boomctl.structure import SecondOrderModel
 from boomctl.synthesis.plants.partition import partition
-from boomctl.tuning.certificate import _bounds, loop_of
+from boomctl.tuning.certificate import _bounds, loop_of, lower_bound
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import GAIN_LIMIT
 from tests.profiles import examples, is_hunt
@@ -241,6 +241,16 @@ def test_bounds_are_judged_by_the_verified_loops(bound, signal, monkeypatch):
         bc.tune(swing(3, 2, 1, 1), 1, 1, T.state_space(1), n_starts=1, **bound)
     reached = float(str(caught.value).rpartition(" ")[2])
     assert reached > value if signal == "largest" else reached < value
+
+
+def test_reason_of_a_zero_bound_names_the_relaxation():
+    """``x' = -x + w + u``, ``z = x = y``: without noise and weight."""
+    P = control.ss(-1.0, [[1.0, 1.0]], [[1.0], [1.0]], 0.0)
+    found = lower_bound([partition(P, 1, 1)], [(1.0, 0, T.objective())], 20.0)
+    assert found[0] == 0.0
+    assert found[1].startswith(
+        "none: full-order synthesis of a relaxed problem reaches zero; measurements: rates in place"
+    )
 
 
 def test_max_gain_of_an_unstable_controller_is_the_peak_of_its_response():
