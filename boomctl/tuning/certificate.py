@@ -216,7 +216,7 @@ def _bounds(problem: Problem, K: Lti, loops: list[Lti]) -> list[tuple[str, float
             value = float(np.abs(K.poles).max(initial=0.0))
             excess = value / limit - 1.0
         else:
-            value = float((-poles.real / (np.abs(poles) if kind == DAMPING else 1.0)).min(initial=inf))
+            value = float((-np.real(poles) / (np.abs(poles) if kind == DAMPING else 1.0)).min(initial=inf))
             excess = (limit - value) / (1.0 if kind == DAMPING else rate)
         result.append((f"{BOUNDS[kind]} = {limit}", value, excess))
     return result
