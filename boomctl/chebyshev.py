@@ -87,6 +87,7 @@ def fitted(
     exact: float,
     what: str,
     groups: Sequence[Sequence[int]] = (),
+    powers: bool = True,
 ) -> tuple[dict[str, dict[tuple[int, ...], Array]], dict[str, Array], float]:
     """Return functions as polynomials, the error of each entry, and the largest error relative to rounding.
 
@@ -110,6 +111,8 @@ def fitted(
         Name of the functions in error messages.
     groups : sequence of sequence of int
         Groups of variables that may occur in one product; by default one group of all.
+    powers : bool
+        True for coefficients of powers, False for those of Chebyshev polynomials, which are accurate at high degrees.
 
     Raises
     ------
@@ -134,7 +137,7 @@ def fitted(
             coefficients[np.abs(coefficients) <= least] = 0.0
             misses = ((known, wanted[name]), (products, stacks[name]))
             off[name] = np.maximum(*(np.abs(np.tensordot(T, coefficients, 1) - X).max(axis=0) for T, X in misses))
-            result[name] = _in_powers(coefficients, chosen)
+            result[name] = _by_term(_in_powers(coefficients, chosen) if powers else coefficients, chosen)
             miss = max(miss, float((off[name] / np.maximum(least, TINY)).max(initial=0.0)))
         if miss <= exact or beyond == inf:
             return result, off, miss
@@ -184,16 +187,20 @@ def _products(places: Array, degrees: Array) -> Array:
     return result
 
 
-def _in_powers(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:
+def _in_powers(coefficients: Array, degrees: Array) -> Array:
     """Return a sum of products of Chebyshev polynomials as a sum of powers of the same degrees."""
     most = int(degrees.max(initial=0)) + 1
     table = np.array([np.pad(chebyshev.cheb2poly(np.eye(most)[k, : k + 1]), (0, most - 1 - k)) for k in range(most)])
     change = np.ones((len(degrees), len(degrees)))
     for degree in degrees.T:
         change *= table[degree[:, None], degree]  # of the first in powers, the second
-    terms = np.tensordot(change, coefficients, (0, 0))
+    return np.tensordot(change, coefficients, (0, 0))
+
+
+def _by_term(coefficients: Array, degrees: Array) -> dict[tuple[int, ...], Array]:
+    """Return nonzero coefficients by the indices of the factors of their terms."""
     return {
         tuple(np.repeat(np.arange(len(degree)), degree).tolist()): X
-        for degree, X in zip(degrees, terms, strict=True)
+        for degree, X in zip(degrees, coefficients, strict=True)
         if X.any() or not degree.any()
     }

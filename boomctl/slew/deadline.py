@@ -92,8 +92,8 @@ def noting_interrupts(deadline: SlewDeadline) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-    if deadline.interrupts:
-        before(signal.SIGINT, None)
+        if deadline.interrupts:
+            before(signal.SIGINT, None)
 
 
 class _Watch(ca.Callback):

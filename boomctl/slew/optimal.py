@@ -349,7 +349,8 @@ def replan(
 ) -> SlewResult:
     """Solve a planned slew again with another angle or torque limit, started from its solution.
 
-    A nonlinear program is reused without building it again; a slew planned without one is planned from scratch.
+    A nonlinear program is reused on its mesh without building it again, and no optimality gap is estimated: it is inf.
+    A slew planned without a nonlinear program is planned from scratch.
 
     Parameters
     ----------

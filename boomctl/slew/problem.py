@@ -192,6 +192,15 @@ class SlewProblem:
         return np.concatenate([plant.B for plant in self.plants])
 
     @cached_property
+    def turn(self) -> float:
+        """Absolute slew angle, rad; 0 if it is free."""
+        first, own = self.parts[0]
+        # rounding error relative to a state
+        if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > ALIKE):
+            return 0.0
+        return abs(float(first.rows["angle"] @ (self.target - self.start)[own]))
+
+    @cached_property
     def rigid_time(self) -> float:
         """Time scale, s: the least time of the rigid body with the plant's inertia for the angle, or for the speed.
 
@@ -202,10 +211,7 @@ class SlewProblem:
         if first.inertia is None:
             return 1.0 / float(np.linalg.norm(first.A, 2))
         start, end = self.start[own], self.target[own]
-        turn, change = (abs(float(first.rows[name] @ (end - start))) for name in ("angle", "speed"))
-        # rounding error relative to a state
-        if not np.any(np.abs(self.ends[:, own] @ first.rest(1.0, 0.0)) > ALIKE):
-            turn = 0.0
+        turn, change = self.turn, abs(float(first.rows["speed"] @ (end - start)))
         torque = self.limits.torque / first.inertia
         if self.waits:
             rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
@@ -353,25 +359,37 @@ def _check_feasible(problem: SlewProblem) -> None:
             f"{what} = {exactly(value)}: the slew lasts about {least:.4g} s, {least / plant.period:.3g} periods of the"
             f" slowest vibration; expected at most {_MOST_PERIODS}: a nearer end, or a larger torque_limit"
         )
-    if T is not None and problem.waits and plant.inertia is not None:
+    if T is None:
+        return
+    if problem.turn > limits.most("speed") * T:
+        raise SlewError(
+            f"duration = {exactly(T)} s: too short for {_turn(problem, problem.turn)} at speed_limit ="
+            f" {plant.with_unit('speed', exactly(limits.most('speed')))}, which takes at least"
+            f" {from_on(problem.turn / limits.most('speed'))} s"
+        )
+    if problem.waits and plant.inertia is not None:
         _check_duration(problem, T, plant.inertia)
+
+
+def _turn(problem: SlewProblem, turn: float) -> str:
+    """Return a slew angle in words."""
+    name, unit = problem.plants[0].labels["angle"]
+    return f"{turn:g} {unit}" if unit else f"a change of {name} by {turn:g}"
 
 
 def _check_duration(problem: SlewProblem, T: float, inertia: float) -> None:
     """Check a duration against a rigid body's least times, less a tenth: a beam that bends may have a little less inertia."""
     plant, own = problem.parts[0]
-    turn, change = (abs(float(plant.rows[name] @ (problem.target - problem.start)[own])) for name in ("angle", "speed"))
+    turn, change = problem.turn, abs(float(plant.rows["speed"] @ (problem.target - problem.start)[own]))
     if problem.angle is None or change or np.any(np.abs(plant.rows["speed"] @ problem.start[own]) > 0.0):
         turn = 0.0
     margin = 1.0 - 1e-12 if problem.linear else _SHORTER  # rounding error only for a linear plant
-    name, unit = plant.labels["angle"]
-    around = f"{turn:g} {unit}" if unit else f"a change of {name} by {turn:g}"
+    around = _turn(problem, turn)
     faster = f"a change of {plant.with_unit('speed', f'{change:g}')}"
     body = f"{inertia:.4g} kg m^2" if plant.labels is LABELS else f"inertia {inertia:.4g}"
-    torque, rate, speed = (problem.limits.most(kind) for kind in ("torque", "torque_rate", "speed"))
+    torque, rate = (problem.limits.most(kind) for kind in ("torque", "torque_rate"))
     # a rigid body's least times under a limit, and the limit that suffices
     for what, least, kind, needed in (
-        (around, turn / speed, "speed", turn / T),
         (around, (32.0 * turn * inertia / rate) ** (1 / 3), "torque_rate", 32.0 * inertia * turn / T**3),
         (faster, 2.0 * math.sqrt(inertia * change / rate), "torque_rate", 4.0 * inertia * change / T**2),
         (around, 2.0 * math.sqrt(turn * inertia / torque), "torque", 4.0 * inertia * turn / T**2),

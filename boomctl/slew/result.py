@@ -82,7 +82,7 @@ class SlewCertificate:
         Limits that are reached within 0.1 %, and the first time at which they are, s.
     optimality_gap : float
         Relative difference from the least cost, in the sense of ``optimality_status``.  With axial modes it is the gap of
-        the same beam without them, as planned.
+        the same beam without them, as planned. inf if it is not estimated: the slew was planned on one mesh only.
     optimality_status : str
         "proved": a duality bound or Pontryagin's principle on a convex problem; "extremal": Pontryagin's conditions hold on
         a problem that is not convex; "stationary": the optimality conditions hold on the mesh, and the gap is the change

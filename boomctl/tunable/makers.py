@@ -215,9 +215,10 @@ def decentralized(
 def plant_parameter(name: str, low: float, high: float) -> ControllerForm:
     """Return a parameter of the plant that is tuned with the controller, or without one.
 
-    The plant's matrices must be smooth functions of the parameters, approximated by polynomials up to degree 32, as for
-    springs, dampers, masses and positions.  This requires parameters of a family, or a function whose plants have the same
-    states everywhere, as from ``to_statespace(states="coordinates")``; others raise an error.
+    The plant's matrices must be smooth functions of the parameters, as for springs, dampers, masses and positions: they are
+    approximated by polynomials of up to degree 128 by each parameter, through at most 2000 plants.  This requires parameters
+    of a family, or a function whose plants have the same states everywhere, as from ``to_statespace(states="coordinates")``.
+    Others, and wide ranges of several parameters that need more plants, raise an error.
 
     Parameters
     ----------

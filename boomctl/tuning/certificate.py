@@ -6,7 +6,8 @@ from math import exp, inf, isfinite, log
 import numpy as np
 
 from boomctl.analysis.h2 import matrices_h2_norm
-from boomctl.analysis.norm import NormBounds, matrices_norm
+from boomctl.analysis.norm import NormBounds, level_norm, matrices_norm
+from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
 from boomctl.lti.rounding import CERTIFIED
@@ -21,7 +22,7 @@ from boomctl.synthesis.plants.partition import GeneralizedPlant
 from boomctl.tunable.structures import GAIN
 from boomctl.tuning.full_order import full_order_bound
 from boomctl.tuning.point import Point
-from boomctl.tuning.problem import BOUNDS, GAIN_LIMIT
+from boomctl.tuning.problem import BOUNDS, DAMPING, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.bundle import stationarity
 from boomctl.tuning.solver.search import Search
@@ -128,7 +129,10 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
         return h2(plant.system.statespace("P"), plant.nmeas, plant.ncon).optimal_norm
     if not (plant.nmeas and plant.ncon):
         raise SynthesisError("there is no controller")
-    return full_order_bound(plant, deadline)[0]
+    lower, notes = full_order_bound(plant, deadline)
+    if lower == 0.0 and notes:
+        raise SynthesisError(f"full-order synthesis of a relaxed problem reaches zero; {notes}")
+    return lower
 
 
 def budget_ratio(norm: ChannelNorm) -> float:
@@ -157,7 +161,7 @@ def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...
     aims = [item for item in norms if problem.budgets_alone or item[1].channel.budget is None]
     largest, top = max(aims, key=lambda pair: budget_ratio(pair[1]))
     point = Point(problem, x, search.known)
-    used_up = _used_up(search, point, [item for _, item in norms])
+    used_up = _used_up(problem, x, _bounds(problem, K, loops), [item for _, item in norms])
     if problem.plants.physical:
         lower, reason = 0.0, "none: the plant itself is tuned"
     else:
@@ -200,19 +204,38 @@ def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...
     )
 
 
-def _used_up(search: Search, point: Point, norms: list[ChannelNorm]) -> tuple[str, ...]:
+def _bounds(problem: Problem, K: Lti, loops: list[Lti]) -> list[tuple[str, float, float]]:
+    """Return the specified bounds on the verified controller and loops, their values and relative excesses."""
+    poles, rate = np.concatenate([loop.poles for loop in loops]), problem.ports.rate
+    result = []
+    for kind, limit in problem.limits.items():
+        if kind == GAIN_LIMIT:  # the peak of the response; an unstable controller has no norm
+            value = (level_norm if (K.poles.real > 0.0).any() else matrices_norm)(K).value
+            excess = value / limit - 1.0
+        elif kind == FASTEST_POLE:
+            value = float(np.abs(K.poles).max(initial=0.0))
+            excess = value / limit - 1.0
+        else:
+            value = float((-np.real(poles) / (np.abs(poles) if kind == DAMPING else 1.0)).min(initial=inf))
+            excess = (limit - value) / (1.0 if kind == DAMPING else rate)
+        result.append((f"{BOUNDS[kind]} = {limit}", value, excess))
+    return result
+
+
+def _used_up(
+    problem: Problem, x: Array, bounds: list[tuple[str, float, float]], norms: list[ChannelNorm]
+) -> tuple[str, ...]:
     """Return the active bounds; raise an error if one is exceeded."""
-    problem, result = search.problem, []
-    for item, number, low, high in zip(problem.free, point.x, problem.low, problem.high, strict=True):
+    result = []
+    for item, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
         for end, name in ((low, "least"), (high, "largest")):
             if abs(number - end) <= _AT_END * (high - low):
                 away = f"{item.name} runs away: an infimum at infinite gain; give max_gain"
                 result.append(away if item.kind == GAIN else f"{item.name} at its {name}, {item.value(number):.6g}")
-    for height in [*(item for item in point.norms if item.channel == GAIN_LIMIT), *point.bounds]:
-        text = f"{BOUNDS[height.channel]} = {problem.limits[height.channel]}"
-        if height.value > CERTIFIED:
-            raise SynthesisError(f"no controller found keeps its bound: {text}")
-        result += [text] if height.value > -_ACTIVE else []
+    for text, value, excess in bounds:
+        if excess > CERTIFIED:
+            raise SynthesisError(f"no controller found satisfies {text}: it reaches {value:.6g}")
+        result += [text] if excess > -_ACTIVE else []
     for norm in norms:
         if norm.channel.budget is None:
             continue

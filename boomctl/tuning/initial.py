@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 
-_QUIET = 1e-2  # gains of an additional state over their natural size
+QUIET = 1e-2  # gains of the low-gain start, and of an additional state, over their natural size
 
 
 def initial_numbers(problem: Problem, initial: "Mapping[str, float] | Controller") -> Array:
@@ -71,7 +71,7 @@ def _of_controller(problem: Problem, K: Lti) -> tuple[int, Array]:
     through = np.zeros(0) if wanted.strictly_proper else K.D.ravel()
     x, rng = np.concatenate([K.A.ravel(), K.B.ravel(), K.C.ravel(), through]) * numbers, np.random.default_rng(0)
     for order in range(n + 1, wanted.order + 1):
-        x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng, _QUIET)
+        x = StateSpace(order, wanted.strictly_proper).grown(x, ports, rng, QUIET)
     return sum(len(part.free(ports)) for part in parts[: indices[0]]), x
 
 

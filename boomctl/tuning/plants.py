@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array, balance, blocks
-from boomctl.chebyshev import fitted, tried_points
+from boomctl.chebyshev import fitted, known_along, series, tried_points
 from boomctl.checks import function_of
 from boomctl.lti.system import of
 from boomctl.structure.families import Family
@@ -20,9 +20,9 @@ from boomctl.tunable.structures import Physical
 from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 
 _MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning starts with all vertices of the box.
-_DEGREES = (1, 2, 4, 8, 16, 32)  # polynomial degrees, in order: springs, products of two, masses, positions
+_MOST_DEGREE = 128  # largest degree of the polynomials by one parameter: 1 for springs, some tens for masses
 _ROUNDING = 1e-14  # relative size of a coefficient that is rounding error: 1e2 eps
-_MOST = 400  # plants evaluated for one polynomial at most
+_MOST = 2000  # plants evaluated for one polynomial at most
 _CACHE_SIZE = 16  # cached sets of plants: the last few points of the search
 _EXACT = 1e3  # largest error of a polynomial over rounding error: far below the tolerance of tuning
 
@@ -30,7 +30,7 @@ Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 
 class PlantPolynomial:
-    """Generalized plant whose matrices are polynomials of physical parameters, normalized to -1 to 1.
+    """Generalized plant whose matrices are Chebyshev series of physical parameters, normalized to -1 to 1.
 
     Parameters
     ----------
@@ -64,30 +64,52 @@ class PlantPolynomial:
         def rounding(values: Mapping[str, Array]) -> dict[str, Array | float]:
             return {"P": _ROUNDING * np.abs(values["P"]).max(axis=(0, 2))[:, None]}
 
-        wanted = at(tried_points(size))
-        for degree in _DEGREES:
-            terms, _, miss = fitted(at, [degree + 1] * size, wanted, rounding, _EXACT, "P")
+        wanted, middle = (
+            at(tried_points(size)),
+            np.random.default_rng(1).uniform(-0.5, 0.5, size),
+        )  # nothing cancels there
+
+        def count_along(axis: Array) -> int:
+            """Return the number of coefficients above rounding along a parameter."""
+            values = known_along(lambda places: at([np.where(axis, x, middle) for x in places]), rounding, _MOST_DEGREE)
+            above = np.abs(series(values["P"])) > rounding(values)["P"]
+            return int(np.flatnonzero(above.any(axis=(1, 2))).max(initial=0)) + 1
+
+        counts = [count_along(axis) for axis in np.eye(size, dtype=bool)]
+        for groups in ([[i] for i in range(size)], [range(size)]):  # sums of functions of one parameter, products
+            terms, _, miss = fitted(at, counts, wanted, rounding, _EXACT, "P", groups, powers=False)
             if miss <= _EXACT:
                 break
         else:
-            raise ValueError(f"polynomials of degree {_DEGREES[-1]} miss them")
+            raise ValueError(f"polynomials of degree {', '.join(str(count - 1) for count in counts)} miss them")
         p = ca.SX.sym("p", size)
-        powers = ca.vertcat(*(ca.mtimes([ca.SX(1), *(p[i] for i in term)]) for term in terms["P"]))
-        jacobian = ca.jacobian(powers, p)
-        self._powers = ca.Function("powers", [p], [powers, jacobian, ca.jacobian(ca.vec(jacobian.T), p)])
+        factors = [_chebyshev(p[i], count) for i, count in enumerate(counts)]
+        products = ca.vertcat(
+            *(ca.mtimes([ca.SX(1), *(factors[i][term.count(i)] for i in {*term})]) for term in terms["P"])
+        )
+        jacobian = ca.jacobian(products, p)
+        self._products = ca.Function("products", [p], [products, jacobian, ca.jacobian(ca.vec(jacobian.T), p)])
         self._terms = np.array([*terms["P"].values()])
         self.degrees = tuple(max(term.count(i) for term in terms["P"]) for i in range(size))
 
     def scaled(self, numbers: Array, order: int) -> ScaledPlant:
         """Return the plant with balanced states, and its derivatives."""
         k, s, n, plant = len(numbers), self._plant.system, len(self._plant.A), self._plant
-        powers = [np.asarray(item) for item in self._powers(numbers)]
+        products = [np.asarray(item) for item in self._products(numbers)]
         result, jacobian, hessian = (
-            np.tensordot(item.reshape(len(self._terms), -1), self._terms, (0, 0)) for item in powers
+            np.tensordot(item.reshape(len(self._terms), -1), self._terms, (0, 0)) for item in products
         )
         M = result[0]
         system = replace(s, A=without_jordan_blocks(M[:n, :n]), B=M[:n, n:], C=M[n:, :n], D=M[n:, n:])
         return ScaledPlant(system, plant.nmeas, plant.ncon, jacobian, hessian.reshape(k, k, *M.shape), order)
+
+
+def _chebyshev(x: ca.SX, count: int) -> list[ca.SX]:
+    """Return the first Chebyshev polynomials of a variable."""
+    result = [ca.SX(1), x]
+    while len(result) < count:
+        result.append(2.0 * x * result[-1] - result[-2])
+    return result
 
 
 @dataclass(frozen=True)
@@ -127,8 +149,9 @@ class Model:
             names, where = ", ".join(item.name for item in self.physical), f" of {self.label}" if self.label else ""
             reason = " ".join(str(error).split())
             raise ValueError(
-                f"`P` must return plants{where} whose matrices are polynomials of {names}, got others ({reason}). Give"
-                ' them the same states everywhere, as `model.to_statespace(states="coordinates")` does.'
+                f"`P` must return plants{where} whose matrices are close to polynomials of {names}, got others ({reason})."
+                ' Give them the same states everywhere, as `model.to_statespace(states="coordinates")` does; or, if they have'
+                " them, fewer parameters or narrower ranges."
             ) from None
 
     def scaled(self, numbers: Array, order: int) -> ScaledPlant:

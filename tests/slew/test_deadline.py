@@ -136,6 +136,19 @@ def test_what_progress_raises_comes_through():
         bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, progress=stop)
 
 
+def test_an_interrupt_is_not_lost_to_another_exception():
+    def stop(seen):
+        signal.raise_signal(signal.SIGINT)
+        raise ValueError
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            bc.optimal_slew(sfoam(1), 1.0, 200.0, "effort", 4.0, progress=stop)
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("torque", "tip_mass"), [(200.0, 0.0), (100.0, 0.1)])
 def test_the_end_error_is_of_all_coordinates(torque, tip_mass):

@@ -153,6 +153,13 @@ def test_solving_again_with_other_data(beam):
     assert replan(fastest, angle=1.4).duration == pytest.approx(np.sqrt(1.4) * fastest.duration, rel=1e-9)
 
 
+def test_replanned_on_one_mesh_without_an_optimality_gap():
+    again = replan(bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "jerk", 4.0, intervals=40), angle=1.1)
+    assert again.certificate.optimality_gap == np.inf
+    assert again.certificate.summary.endswith("no other mesh to estimate the optimality gap")
+    assert "no optimality gap is estimated" in replan.__doc__
+
+
 def _programme(h, angle, limits, duration, intervals, **ask):
     """The least effort that a programme finds on a mesh, which knows nothing of closed forms."""
     problem = slew_problem(h, angle, limits, "effort", duration, intervals=intervals, **ask)

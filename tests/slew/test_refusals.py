@@ -43,7 +43,20 @@ def tracked(**options):
 
 REFUSED = [
     (lambda: turned(duration=1.0), "duration = 1 s: too short for a change of angle by 1; "),
-    (lambda: turned(duration=3.0, speed_limit=0.1), "speed_limit = 0.1, or needs 0.33"),
+    (lambda: turned(duration=3.0, speed_limit=0.1), "at speed_limit = 0.1, which takes at least 10 s"),
+    (
+        lambda: turned(rigid(1.0), 2.0, 5.0, duration=1.0, speed_limit=1.0, final_speed=0.5),
+        "^duration = 1 s: too short for a change of angle by 2 at speed_limit = 1, which takes at least 2 s$",
+    ),
+    (
+        lambda: turned(rigid(1.0), None, 5.0, duration=1.0, speed_limit=1.0, final_state=[2.0, 0.5]),
+        "^duration = 1 s: too short",
+    ),
+    # no margin for a beam's bending: the bound is exact
+    (
+        lambda: beam(objective="effort", duration=3.2, speed_limit=0.3),
+        r"^duration = 3\.2 s: too short for 1 rad at speed_limit = 0\.3 rad/s, which takes at least 3\.333334 s$",
+    ),
     (lambda: turned(angle=None, duration=3.0, final_speed=2.0, speed_limit=1.0), "final_speed"),
     (lambda: turned(duration=4.0, torque_rate_limit=50.0), "torque_rate_limit = 50, or needs"),
     (lambda: turned(), "duration"),

@@ -1,5 +1,6 @@
 """Where the switching times of linear plants come from changes nothing of them."""
 
+import control
 import numpy as np
 import pytest
 
@@ -32,3 +33,15 @@ def test_too_few_switches_are_not_taken_for_converged():
     right = switching.least_time(asked)
     fewer = switching.replace(right, switches=np.delete(right.switches, [3, 4]))
     assert switching._newton(asked, switching._fitted(asked, fewer)) is None
+
+
+@pytest.mark.parametrize("turn", [-0.5, -0.2, -0.05, -0.01, -1e-3, 3e-4, 1e-3, 0.1, 3.0])
+def test_minimum_time_between_moving_states_matches_closed_form(turn):
+    """A unit inertia at speed 1 swings back through -turn and ends at speed 1, or speeds up and slows down again.
+
+    Braking to -v and returning takes 2 (1 + v) and turns by 1 - v^2; the other way takes 2 (v - 1) and turns by v^2 - 1.
+    """
+    body = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+    slew = bc.optimal_slew(body, None, 1.0, initial_state=[0.0, 1.0], final_state=[turn, 1.0])
+    expected = 2.0 + 2.0 * np.sqrt(1.0 - turn) if turn < 0.0 else 2.0 * (np.sqrt(1.0 + turn) - 1.0)
+    assert slew.duration == pytest.approx(expected, rel=1e-9)

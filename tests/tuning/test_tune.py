@@ -17,7 +17,9 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.system import Lti
 from boomctl.structure import SecondOrderModel
 from boomctl.synthesis.plants.partition import partition
-from boomctl.tuning.certificate import loop_of
+from boomctl.tuning.certificate import _bounds, loop_of, lower_bound
+from boomctl.tuning.point import Point
+from boomctl.tuning.problem import GAIN_LIMIT
 from tests.profiles import examples, is_hunt
 
 T = bc.tunable
@@ -227,6 +229,39 @@ def test_poles_keep_to_what_is_asked():
     assert poles.real.max() <= -0.05 + 1e-4
 
 
+@pytest.mark.parametrize(
+    ("bound", "signal"),
+    [({"fastest_pole": 0.5}, "largest"), ({"min_decay_rate": 4.0}, "least"), ({"min_damping_ratio": 0.95}, "least")],
+)
+def test_bounds_are_judged_by_the_verified_loops(bound, signal, monkeypatch):
+    """The search takes every bound on poles as satisfied: the certificate does not."""
+    monkeypatch.setattr(Point, "_of_kind", lambda *_: [])
+    (name, value), *_ = bound.items()
+    with pytest.raises(SynthesisError, match=f"no controller found satisfies {name} = {value}: it reaches ") as caught:
+        bc.tune(swing(3, 2, 1, 1), 1, 1, T.state_space(1), n_starts=1, **bound)
+    reached = float(str(caught.value).rpartition(" ")[2])
+    assert reached > value if signal == "largest" else reached < value
+
+
+def test_reason_of_a_zero_bound_names_the_relaxation():
+    """``x' = -x + w + u``, ``z = x = y``: without noise and weight."""
+    P = control.ss(-1.0, [[1.0, 1.0]], [[1.0], [1.0]], 0.0)
+    found = lower_bound([partition(P, 1, 1)], [(1.0, 0, T.objective())], 20.0)
+    assert found[0] == 0.0
+    assert found[1].startswith(
+        "none: full-order synthesis of a relaxed problem reaches zero; measurements: rates in place"
+    )
+
+
+def test_max_gain_of_an_unstable_controller_is_the_peak_of_its_response():
+    """``1.5 (s + 1)/(s - 1)`` has the gain 1.5 at all frequencies, but no norm."""
+    K = Lti(np.array([[1.0]]), np.array([[1.0]]), np.array([[3.0]]), np.array([[1.5]]))
+    problem = SimpleNamespace(ports=SimpleNamespace(rate=1.0), limits={GAIN_LIMIT: 2.0})
+    ((text, value, excess),) = _bounds(problem, K, [K])
+    assert text == "max_gain = 2.0"
+    assert (value, excess) == pytest.approx((1.5, -0.25))
+
+
 # -- physical parameters and families ---------------------------------------------------------------------------------
 
 
@@ -406,7 +441,10 @@ REFUSED = [
         lambda: tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)]),
         "no controller found satisfies all budgets",
     ),
-    (lambda: tuned(lag(-1.0), max_gain=0.5), "max_gain"),
+    (
+        lambda: tuned(lag(-1.0), max_gain=0.5),
+        r"^no controller found satisfies max_gain = 0\.5: it reaches 1\.0000",
+    ),
     (lambda: tuned(lag(-1.0), time_limit=1e-6), "in the time allowed"),
     (
         lambda: tuned(two_by_two(), T.decentralized((["y0", "y1"], "u0", T.notch()), ("y1", "u1", T.gain())), 2, 2),

@@ -260,7 +260,64 @@ def test_a_mass_is_a_polynomial_of_some_degree():
         return control.ss([[0.0, 1.0], [-4.0 / m, -0.5 / m]], [[0.0], [1.0 / m]], [[1.0, 0.0]], 0.0)
 
     found = build_plants([make], 0, 0, (Physical("m", 1.0, 2.0),)).stages
-    assert found == ("physical parameters by polynomials of degree m 16",)
+    assert found == ("physical parameters by polynomials of degree m 18",)  # coefficients fall by (3 + sqrt(8)) each
+
+
+def chain(values):
+    """Return masses between springs and walls, displacements to forces."""
+    m = np.array([values[name] for name in sorted(values)])
+    n = len(m)
+    K = 10.0 * np.eye(n) - 5.0 * np.eye(n, k=1) - 5.0 * np.eye(n, k=-1)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K / m[:, None], -0.02 * K / m[:, None]]])
+    return control.ss(A, np.vstack([np.zeros((n, n)), np.diag(1.0 / m)]), np.eye(n, 2 * n), 0.0)
+
+
+def coupled(values):
+    """Return two bodies with mass coupling."""
+    M = np.diag([values["m1"], values["m2"]]) + 0.2
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-5.0 * np.linalg.inv(M), -0.1 * np.linalg.inv(M)]])
+    return control.ss(A, np.eye(4)[:, 2:], np.eye(2, 4), 0.0)
+
+
+def root_damped(values):
+    """Return a unit mass with a damper of constant damping ratio."""
+    k = values["k"]
+    return control.ss([[0.0, 1.0], [-k, -0.1 * np.sqrt(k)]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("make", "low", "high", "names"),
+    [
+        (chain, 0.1, 2.0, ["m"]),
+        (chain, 0.5, 2.0, ["m1", "m2"]),
+        (chain, 0.9, 1.1, ["m1", "m2", "m3"]),
+        (coupled, 0.5, 2.0, ["m1", "m2"]),
+        (root_damped, 1.0, 100.0, ["k"]),
+    ],
+)
+def test_plants_of_smooth_functions_of_parameters(make, low, high, names):
+    """Wide ranges need high degrees, and several parameters many plants, fewer if the matrices are sums over parameters."""
+    plants = build_plants([make], 0, 0, tuple(Physical(name, low, high) for name in names))
+    omega = np.geomspace(0.1, 30.0, 100)
+    for x in np.random.default_rng(3).uniform(-1.0, 1.0, (20, len(names))):
+        exact, found = plants.original(x)[0].system, plants.scaled(x, 0)[0].system
+        wanted = exact.response(omega, quiet=True)
+        assert np.abs(found.response(omega, quiet=True) - wanted).max() <= 1e-9 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize("make", [chain, coupled])
+def test_derivatives_of_plants_at_high_degree(make):
+    plants = build_plants([make], 0, 0, (Physical("m1", 0.5, 2.0), Physical("m2", 0.5, 2.0)))
+    x, step = np.array([-0.9, 0.4]), 1e-5
+
+    def matrices(x):
+        s = plants.scaled(x, 0)[0].system
+        return np.block([[s.A, s.B], [s.C, s.D]])
+
+    found = plants.scaled(x, 0)[0].jacobian
+    for row, axis in zip(found, np.eye(2), strict=True):
+        wanted = (matrices(x + step * axis) - matrices(x - step * axis)) / (2.0 * step)
+        assert row == pytest.approx(wanted, abs=1e-7 * np.abs(wanted).max())
 
 
 def test_no_plant_is_made_once_it_is_a_polynomial():

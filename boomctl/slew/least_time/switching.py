@@ -28,7 +28,7 @@ _LIMIT_FACTORS = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit for o
 _HOPELESS = 1e9  # torque over its limit above which a duration counts as infeasible
 _SECANTS = 12  # secant steps at most until the least peak on a grid is about the limit; about five are usual
 _CAREFUL = 0.05  # step of log(time), if more time may be infeasible
-_FAR = 3.0  # range of log(time) of that search: twenty times the guess
+_FAR = 20.0  # range of log(time) of that search: the guess may be far below the least time
 _ROUGHLY = 1e-3  # tolerance of log(peak), enough for Newton's method: a fifth of an interval of the grid
 _REWEIGHTED = 20  # reweighted least-squares iterations for a duration; weights carry over to the next duration
 _THIN = 1e-6  # fraction of the largest |G^T y| below which weights are bounded
@@ -93,7 +93,7 @@ def least_time(problem: SlewProblem) -> Extremal:
         if extremal is not None:
             break
     if extremal is None:
-        raise SlewError("torque_limit: the switching times of the fastest slew within it were not found")
+        raise SlewError("minimum time: the switching times were not found; they may exist within the torque limit")
     return extremal
 
 
@@ -154,6 +154,8 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
             return None
         else:
             further = -peaks[-1] * (logarithms[-1] - logarithms[-2]) / (peaks[-1] - peaks[-2])
+        if len(peaks) > 1 and further * (logarithms[-1] - logarithms[-2]) < 0.0:
+            longest *= 0.5  # shorter than the range of feasible times, which it may have stepped over
         logarithms.append(logarithms[-1] + float(np.clip(further, -longest, longest)))
     return None
 

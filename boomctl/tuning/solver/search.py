@@ -11,6 +11,7 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTimeError, tell
+from boomctl.tuning.initial import QUIET
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
 from boomctl.tuning.solver.bundle import Polish
@@ -19,7 +20,6 @@ from boomctl.tuning.solver.descent import descend
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most; polishing is more efficient
 _LEVELS = (-2.0, 1.0)  # decimal exponents between which random gains are drawn, over their natural size
-_QUIET = 1e-2  # gains of the low-gain start, and of an additional state, over their natural size
 _NEARBY = "near order"  # origin of a start near the optimum of a lower order
 _FINISHED = 2  # starts that are completed: the best after their first round
 _BEGINNING = 0.5  # fraction of the time limit for first rounds of all starts
@@ -265,7 +265,7 @@ def search(
             if inner.best is not None:
                 work.stages.append(f"from order {small.order}: {exp(inner.value):.6g}")
                 reached = inner.value
-                for name, size in (("order", 0.0), (_NEARBY, _QUIET)):  # the same controller, and one near it
+                for name, size in (("order", 0.0), (_NEARBY, QUIET)):  # the same controller, and one near it
                     x = problem.structure.grown(inner.best, problem.ports, rng, size)
                     initial.append((f"{name} {small.order}", x))
             if "stopped" in inner.stages or deadline.over:
@@ -274,7 +274,7 @@ def search(
                 work.stages.append("stopped" if "stopped" in inner.stages else "out of time")
                 return work
         for k in range(max(starts - len(initial), 1)):
-            level = float(10.0 ** rng.uniform(*_LEVELS)) if k else _QUIET
+            level = float(10.0 ** rng.uniform(*_LEVELS)) if k else QUIET
             initial.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
         work.from_starts(initial, reached)
     except NothingLeftError:
