@@ -154,4 +154,4 @@ def _level(ax: Axes, value: float, said: str, color: str, dash: str = "--") -> N
 def _least(ax: Axes, value: float) -> None:
     """Draw the lower bound for all controllers, if known."""
     if value > 0.0:
-        _level(ax, value, f"no controller goes below {value:.4g}", "0.4", ":")
+        _level(ax, value, f"lower bound {value:.4g}", "0.4", ":")

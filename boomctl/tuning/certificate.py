@@ -76,9 +76,7 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     if relative_decay[k] > min(_EDGE, _LOST * had):
         return ""
     shown = f"{pole.real:.3g}" if pole.imag == 0.0 else f"{pole.real:.3g} ± {abs(pole.imag):.6g}j"
-    return (
-        f"ended at the edge of stability: a pole at {shown} rad/s decays by {-pole.real:.2g}; ask for min_decay_rate="
-    )
+    return f"almost unstable: a pole at {shown} rad/s with decay rate {-pole.real:.2g}; set min_decay_rate="
 
 
 def channel_norm(loop: Lti, plant: GeneralizedPlant, K: Lti, channel: Channel) -> NormBounds:
@@ -230,7 +228,7 @@ def _used_up(
     for item, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
         for end, name in ((low, "least"), (high, "largest")):
             if abs(number - end) <= _AT_END * (high - low):
-                away = f"{item.name} runs away: an infimum at infinite gain; give max_gain"
+                away = f"{item.name} diverges: infimum at infinite gain; set max_gain"
                 result.append(away if item.kind == GAIN else f"{item.name} at its {name}, {item.value(number):.6g}")
     for text, value, excess in bounds:
         if excess > CERTIFIED:
@@ -240,10 +238,10 @@ def _used_up(
         if norm.channel.budget is None:
             continue
         if budget_ratio(norm) > 1.0 + CERTIFIED:
-            none = "no controller found keeps its budget"
-            what = "no controller found satisfies all budgets" if problem.budgets_alone else none
+            none = "no controller found meets its limit"
+            what = "no controller found meets all limits" if problem.budgets_alone else none
             where = f", {norm.model}" if norm.model else ""
-            value = f"is {norm.value:.6g}, allowed are {norm.channel.budget:.6g}"
+            value = f"is {norm.value:.6g}, limit {norm.channel.budget:.6g}"
             raise SynthesisError(f"{what}: {norm.channel.text}{where} {value}")
         if budget_ratio(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
             result.append(f"budget of the {norm.channel.text}")
@@ -257,12 +255,12 @@ def _summary(c: DesignCertificate, top: ChannelNorm, search: Search, edges: list
     said = [f"{top.channel.text} {top.value:.6g}{over}, {kind}"]
     if c.lower_bound > 0.0 and c.optimality_gap <= _TELLING:
         gap = 100.0 * c.optimality_gap
-        said.append(f"at most {gap:.2g} % above {c.lower_bound:.6g}, which no controller of any order beats")
+        said.append(f"at most {gap:.2g} % above {c.lower_bound:.6g}, the lower bound for all orders")
     elif c.lower_bound > 0.0:
-        known = f"not below {c.lower_bound:.3g} is all that is known"
-        said.append(f"controllers of any order might go far lower: {known}")
+        known = f"lower bound {c.lower_bound:.3g}"
+        said.append(f"controllers of higher order may be much better: {known}")
     else:
-        said.append(f"no bound on other controllers: {c.lower_bound_source.removeprefix('none: ')}")
+        said.append(f"no lower bound: {c.lower_bound_source.removeprefix('none: ')}")
     same = sum(isfinite(s.objective) and abs(s.objective / exp(search.value) - 1.0) < _ACTIVE for s in search.starts)
     said.append(f"stationary to {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
     said.append(f"{same} of {len(search.starts)} starts came here")

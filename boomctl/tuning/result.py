@@ -145,14 +145,14 @@ class TuneResult(Summarized, Design):
         """Return the metrics of a comparison."""
         result = {"norm, verified": self.gamma}
         if self.certificate.lower_bound > 0.0:
-            result["no controller goes below"] = self.certificate.lower_bound
+            result["lower bound for all controllers"] = self.certificate.lower_bound
         if self.certificate.worst_case is not None:
             result["worst norm found over the family"] = self.certificate.worst_case.value
         return result
 
     def __repr__(self) -> str:
         lower = self.certificate.lower_bound
-        least = f"; no controller goes below {lower:.6g}" if lower > 0.0 else ""
+        least = f"; lower bound for all orders {lower:.6g}" if lower > 0.0 else ""
         many = f" over {len(self.models)} models" if len(self.models) > 1 else ""
         lines = [
             f"TuneResult: controller of {system(self._controller)}",
@@ -161,5 +161,5 @@ class TuneResult(Summarized, Design):
         if self.plant_parameters:
             lines.append("  " + listed([f"{name} = {value:.6g}" for name, value in self.plant_parameters.items()], 90))
         if self.certificate.active_constraints:
-            lines.append("  used up: " + listed(list(self.certificate.active_constraints), 80))
+            lines.append("  active constraints: " + listed(list(self.certificate.active_constraints), 80))
         return "\n".join(lines)

@@ -234,8 +234,8 @@ def _check(problem: Problem) -> None:
         for plant in plants if channel.norm == "h2" else ():
             if plant.D11[np.ix_(rows, columns)].any():
                 raise ValueError(
-                    f"{channel.text}: infinite for every controller, as a feedthrough leads around it; "
-                    "filter the disturbance or leave the signal away"
+                    f"{channel.text}: infinite for every controller because of a direct feedthrough; "
+                    "filter the disturbance or omit the signal"
                 )
             if (plant.D12[rows] @ K[n:, n:] @ plant.D21[:, columns]).any():
                 raise ValueError(
@@ -263,7 +263,7 @@ def _searched(
         ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
         when = ended.get((result.stages or [""])[-1], "")
         many = " all models" if len(problem.plants.models) > 1 else ""
-        near = f"; the largest real part of a pole came down to {result.abscissa:.4g} rad/s"
+        near = f"; smallest spectral abscissa reached: {result.abscissa:.4g} rad/s"
         raise SynthesisError(
             f"no controller of this structure was found that stabilizes{many}{when}"
             f"{near if result.abscissa < inf else ''}"

@@ -216,7 +216,7 @@ def test_max_gain_is_kept_where_the_infimum_is_at_infinite_gain():
     assert found.gamma == pytest.approx(0.1, rel=1e-5)
     assert found.certificate.active_constraints == ("max_gain = 9.0",)
     free = bc.tune(lag(), 1, 1, T.gain(), channels=[T.objective("w", "z")], n_starts=2)
-    assert "runs away" in free.certificate.active_constraints[0]
+    assert "diverges" in free.certificate.active_constraints[0]
 
 
 @pytest.mark.slow
@@ -439,7 +439,7 @@ REFUSED = [
     ),
     (
         lambda: tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)]),
-        "no controller found satisfies all budgets",
+        "no controller found meets all limits",
     ),
     (
         lambda: tuned(lag(-1.0), max_gain=0.5),
@@ -558,7 +558,7 @@ def test_tune_continues_from_result():
         assert again.starts[0].objective <= first.gamma * (1.0 + 1e-6)
 
 
-# -- the edge of stability --------------------------------------------------------------------------------------------
+# -- almost unstable loops ---------------------------------------------------------------------------------------------
 
 
 def lag_and_swing():
@@ -576,15 +576,15 @@ def test_a_loop_that_ends_at_the_edge_of_stability_says_so():
     assert found.gamma == pytest.approx(1.0 / 1.02, rel=1e-5)
     assert found.certificate.spectral_abscissa < 0.0
     told = found.certificate.summary
-    assert "ended at the edge of stability: a pole at" in told
-    assert "ask for min_decay_rate=" in told
+    assert "almost unstable: a pole at" in told
+    assert "set min_decay_rate=" in told
 
 
 def test_with_a_decay_asked_for_a_loop_does_not_end_at_the_edge():
     both = T.decentralized(T.gain(), shared_parameters=True)
     kept = bc.tune(lag_and_swing(), 2, 2, both, n_starts=1, min_decay_rate=0.005)
     assert kept.gamma == pytest.approx(1.0 / 1.01, rel=1e-5)
-    assert "edge of stability" not in kept.certificate.summary
+    assert "almost unstable" not in kept.certificate.summary
 
 
 def test_tune_ignores_slow_plant_pole():
@@ -592,7 +592,7 @@ def test_tune_ignores_slow_plant_pole():
     P = control.ss(A, np.eye(3)[:, [0, 0]], np.eye(3)[[0, 0]], 0.0, inputs=["w", "u"], outputs=["z", "y"])
     found = bc.tune(P, 1, 1, T.gain(), n_starts=1, max_gain=2.0)
     assert found.gamma == pytest.approx(1.0 / 3.0, rel=1e-5)
-    assert "edge of stability" not in found.certificate.summary
+    assert "almost unstable" not in found.certificate.summary
 
 
 def test_a_smooth_minimum_is_told_from_a_slope():
