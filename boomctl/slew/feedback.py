@@ -53,7 +53,7 @@ class Tuning:
     ----------
     limit : float
         Largest torque [N m].
-    error_weight : float
+    tracking_weight : float
         Weight of the deviations relative to the torque weight.
     integral_time : float or None
         Time constant of the estimate of a constant disturbance torque [s]; None without it.
@@ -61,16 +61,16 @@ class Tuning:
         Standard deviations of the measurements; None if all states are measured exactly.
     disturbance : float
         Standard deviation of a disturbance torque, held between samples [N m].
-    model_error : float
+    stiffness_uncertainty : float
         Relative uncertainty of the stiffness.
     """
 
     limit: float
-    error_weight: float
+    tracking_weight: float
     integral_time: float | None
     noise: Array | None
     disturbance: float
-    model_error: float
+    stiffness_uncertainty: float
 
 
 def linearized_along(modes: MachineModes, measured: list[int], states: Array, torques: Array, step: float) -> Along:
@@ -126,7 +126,7 @@ def weights(along: Along, rows: Array, states: Array) -> Array:
 def regulator(along: Along, Q: Array, tuning: Tuning, step: float) -> Array:
     """Return the gains K of ``u = K z`` at all samples, (k + 1) x n, by Riccati's recursion from the rest at the end."""
     R, n = step / tuning.limit**2, along.b.shape[1]
-    W = step * tuning.error_weight * Q
+    W = step * tuning.tracking_weight * Q
     P = _stationary(along.A[-1], along.b[-1][:, None], W, np.array([[R]]))
     gains = np.empty((len(along.A), n))
     for k in range(len(gains) - 1, -1, -1):
@@ -155,7 +155,7 @@ def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, s
     half = n // 2
     omega = modes.omega[along.moved[: len(modes.omega)]]
     largest = np.abs(states[:, : len(modes.omega)]).max(axis=0)[along.moved[: len(modes.omega)]]
-    wrong = tuning.model_error * omega**2 * largest  # acceleration errors due to the stiffness error
+    wrong = tuning.stiffness_uncertainty * omega**2 * largest  # acceleration errors due to the stiffness error
     model = np.zeros((n + 1, n + 1))
     turning = np.arange(half + 1, n)
     model[turning, turning] = step * wrong[1:] ** 2 / omega[1:]

@@ -428,11 +428,11 @@ def tracked_slew(
     )
     tuning = Tuning(
         limit=limit,
-        error_weight=within("tracking_weight", tracking_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT),
+        tracking_weight=within("tracking_weight", tracking_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT),
         integral_time=None if integral_time is None else positive("integral_time", integral_time),
         noise=None if measurements is None else level,
         disturbance=positive("disturbance", _DISTURBED * limit if disturbance is None else disturbance),
-        model_error=within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0),
+        stiffness_uncertainty=within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0),
     )
     with np.errstate(all="ignore"):  # overflow is reported below
         K = regulator(along, weights(along, linear.C[[0, 2]] @ modes.to_state, states[: count + 1]), tuning, step)

@@ -322,6 +322,6 @@ def _worst(over: FamilyPlants, result: Search) -> tuple[float, Array, ChannelNor
         """Return the largest objective, excluding budgets."""
         return max((item for item in norms(point) if item[1].channel in aims), key=lambda pair: pair[0])
 
-    point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size, 1.0)
-    at = point if len(aims) == len(problem.channels) else pattern_search(lambda d: of_aims(d)[0], size, 1.0)[0]
+    point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size)
+    at = point if len(aims) == len(problem.channels) else pattern_search(lambda d: of_aims(d)[0], size)[0]
     return most, point, max((of_aims(d) for d in (point, at)), key=lambda pair: pair[0])[1]

@@ -253,7 +253,7 @@ def test_reason_of_a_zero_bound_names_the_relaxation():
     )
 
 
-def test_max_gain_of_an_unstable_controller_is_the_peak_of_its_response():
+def test_max_gain_of_unstable_controller_is_its_response_peak():
     """``1.5 (s + 1)/(s - 1)`` has the gain 1.5 at all frequencies, but no norm."""
     K = Lti(np.array([[1.0]]), np.array([[1.0]]), np.array([[3.0]]), np.array([[1.5]]))
     problem = SimpleNamespace(ports=SimpleNamespace(rate=1.0), limits={GAIN_LIMIT: 2.0})

@@ -19,7 +19,7 @@ def listed_values(values: dict[str, float]) -> str:
 
 
 def pattern_search(
-    value: Callable[[Array], float], size: int, factor: float, start: Array | None = None, enough: float = inf
+    value: Callable[[Array], float], size: int, start: Array | None = None, enough: float = inf
 ) -> tuple[Array, float, int]:
     """Return the point of a pattern search at which ``value`` is largest, that value, and the number of evaluations.
 
@@ -30,7 +30,7 @@ def pattern_search(
     faces = np.kron(np.eye(size), [[-1.0], [1.0]])
     corners = list(product((-1.0, 1.0), repeat=size)) if 1 < size <= FEW_PARAMETERS else np.zeros((0, size))
     # Adding 0.0 removes negative zeros: callers cache values by the bytes of a point.
-    begins = [*(factor * np.concatenate([np.zeros((1, size)), faces, corners]) + 0.0)] if start is None else [start]
+    begins = [*(np.concatenate([np.zeros((1, size)), faces, corners]) + 0.0)] if start is None else [start]
     at, top, values = begins[0], -inf, []
     while len(values) < len(begins) and top < enough:
         point = begins[len(values)]
@@ -39,7 +39,7 @@ def pattern_search(
             at, top = point, values[-1]
         if len(values) == 1 + 2 * size and size > FEW_PARAMETERS and start is None:
             low, high = np.array(values[1:]).reshape(size, 2).T
-            begins.append(np.where(high > low, factor, -factor))
+            begins.append(np.where(high > low, 1.0, -1.0))
     count = len(values)
     for step in _STEPS:
         moved = top < enough
@@ -47,7 +47,7 @@ def pattern_search(
             moved = False
             for axis, sign in product(range(size), (-1.0, 1.0)):
                 point = at.copy()
-                point[axis] = np.clip(point[axis] + sign * step * factor, -factor, factor)
+                point[axis] = np.clip(point[axis] + sign * step, -1.0, 1.0)
                 if (point == at).all():
                     continue
                 count += 1

@@ -211,7 +211,7 @@ def robust_stability(
         loops.at(np.zeros(family.nparameters)).injections(injection_points)
     with computing("robust stability", progress):
         tell("points of the box")
-        at, rate = pattern_search(loops.abscissa, family.nparameters, 1.0, enough=0.0)[:2]
+        at, rate = pattern_search(loops.abscissa, family.nparameters, enough=0.0)[:2]
         worst = family.denormalize(at)
         if not loops.stable(at):
             return RobustStability(False, worst, 0, rate, worst)

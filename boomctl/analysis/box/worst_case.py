@@ -213,7 +213,7 @@ def worst_case(
         return at(point).lower_bound
 
     with computing("worst case", progress):
-        delta, _, nfev = pattern_search(peak, family.nparameters, 1.0)
+        delta, _, nfev = pattern_search(peak, family.nparameters)
         middle = np.zeros(family.nparameters)
         nominal, bound, proof = at(middle), inf, BoxProof(False)
         if norm == "h2":
@@ -243,7 +243,7 @@ class _Level(Statement):
 
     def met(self, gain: float, point: Array) -> None:
         if gain > self.lower * (1.0 + _SAME):
-            worst, most, _ = pattern_search(lambda d: self.at(d).lower_bound, len(point), 1.0, point)
+            worst, most, _ = pattern_search(lambda d: self.at(d).lower_bound, len(point), point)
             if most > self.lower:  # the gain of the polynomials may exceed the loop's
                 self.worst, self.lower = worst, most
             if self.lower * (1.0 + 0.5 * self.gap) > self.level:
