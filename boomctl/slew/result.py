@@ -337,8 +337,8 @@ class SlewResult(Summarized, TimeSeries):
         >>> slew.track(torque_limit=200.0)
         TrackedSlew: 2.69713 s, sampled every 0.005004 s
           LQR of all states
-          torque: 160 N m planned of 200
-          stable at the end, the slowest pole in 1.56 s
+          torque: 160 of 200 N m planned
+          stable at the end, slowest time constant 1.56 s
         """
         from boomctl.slew.tracked import tracked_slew  # imported here: only tracking needs it
 

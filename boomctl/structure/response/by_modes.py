@@ -61,7 +61,7 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
 
 
 def _is_symmetric(matrix: Array) -> bool:
-    """Return whether a matrix is symmetric relative to its diagonal, in whatever units its coordinates are."""
+    """Return whether a matrix is symmetric relative to its diagonal, in any units of its coordinates."""
     diagonal = np.abs(matrix.diagonal())
     size = np.sqrt(np.maximum(diagonal, EPS * diagonal.max()))
     return bool((np.abs(matrix - matrix.T) <= SOLVED * size[:, None] * size).all())
