@@ -1,7 +1,8 @@
 """A measured scene: points of run time and error, their fronts, and by how much our front leads."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, log
 from typing import Literal
 
 Calls = Literal["cold", "hot"]
@@ -22,6 +23,10 @@ class Point:
         Run time [s] of the first call in a new process, and of later calls there; the problem is built in either.
     cold_processor, hot_processor : float or None
         The same as processor time of all threads [s].
+    memory : float or None
+        Largest resident memory of the process, with Python and all that it imports [bytes].
+    size : int
+        As of the setting; nonzero where run time is measured over the size of the problem.
     failed : str
         Why there is no answer; empty where there is one.
     """
@@ -35,6 +40,8 @@ class Point:
     hot: float | None = None
     cold_processor: float | None = None
     hot_processor: float | None = None
+    memory: float | None = None
+    size: int = 0
     failed: str = ""
 
     def elapsed(self, calls: Calls) -> float | None:
@@ -44,7 +51,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Diagram:
-    """All points of a scene."""
+    """All points of a scene: those with errors, and those of other sizes, whose run time alone is measured."""
 
     key: str
     title: str
@@ -52,6 +59,7 @@ class Diagram:
     measure: str
     points: tuple[Point, ...]
     remarks: tuple[str, ...] = ()
+    sized: tuple[Point, ...] = ()
 
     def front(self, calls: Calls, ours: bool | None = None) -> tuple[Point, ...]:
         """Return the points that no other one beats in both run time and error, the fastest first.
@@ -89,5 +97,16 @@ class Diagram:
     @property
     def methods(self) -> dict[str, tuple[Point, ...]]:
         """The points of each method, in the order of its settings."""
-        names = dict.fromkeys(p.method for p in self.points)
-        return {name: tuple(p for p in self.points if p.method == name) for name in names}
+        return by_method(self.points)
+
+
+def by_method(points: Iterable[Point]) -> dict[str, tuple[Point, ...]]:
+    """Return the points of each method, in their order."""
+    listed = tuple(points)
+    return {name: tuple(p for p in listed if p.method == name) for name in dict.fromkeys(p.method for p in listed)}
+
+
+def exponent(points: Iterable[Point]) -> float | None:
+    """Return the exponent of run time over size, from the smallest to the largest problem; None if one is missing."""
+    first, *_, last = sorted(points, key=lambda p: p.size)
+    return log(last.hot / first.hot) / log(last.size / first.size) if first.hot and last.hot else None

@@ -8,6 +8,7 @@ run time.  Both include everything that is built from the parameters.
 import gc
 import os
 import pickle
+import resource
 import subprocess
 import sys
 import time
@@ -15,7 +16,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from importlib import import_module
-from math import isfinite, sqrt
+from math import inf, isfinite, sqrt
 from pathlib import Path
 from statistics import median
 from tempfile import TemporaryDirectory
@@ -29,6 +30,7 @@ _GOLDEN = (sqrt(5.0) - 1.0) / 2.0  # its multiples modulo one are all different 
 _MOST_CALLS = 200  # hot calls in a process: the median of so many lies within a few per cent
 _LONG = 20.0  # s of a first call that is also the later one: what only a first call does is a small part of it
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+_KIBIBYTE = 1024.0  # bytes: unit of the resident memory that Linux reports
 _WORDS = 160  # characters of a message that are shown
 
 
@@ -75,22 +77,23 @@ def measured(key: str, location: str, *, quick: bool, time_limit: float, progres
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         reference = scene.reference(problem)
-        points = tuple(_point(scene, problem, reference, setting, runs[k]) for k, setting in chosen.items())
-    return Diagram(key, scene.title, scene.question, scene.measure, points, scene.remarks)
+        points = [_point(scene, problem, reference, setting, runs[k]) for k, setting in chosen.items()]
+    compared, sized = (tuple(p for p in points if bool(p.size) is other) for other in (False, True))
+    return Diagram(key, scene.title, scene.question, scene.measure, compared, scene.remarks, sized)
 
 
 def _point(scene: Scene, problem: Any, reference: Any, setting: Setting, runs: list[dict[str, Any]]) -> Point:
-    point = Point(setting.method, setting.label, setting.ours, setting.verified)
+    point = Point(setting.method, setting.label, setting.ours, setting.verified, size=setting.size)
     failed = next((run["failed"] for run in runs if "failed" in run), "")
     if failed:
         return replace(point, failed=failed)
-    error = float(scene.error(problem, reference, runs[0]["answer"]))
-    if not isfinite(error):
+    error = inf if setting.size else float(scene.error(problem, reference, runs[0]["answer"]))
+    if not setting.size and not isfinite(error):
         return replace(point, failed="the error of its answer is not finite")
     cold, cold_processor = (median(values) for values in zip(*(run["cold"] for run in runs), strict=True))
     hot, hot_processor = (median(values) for values in zip(*(turn for run in runs for turn in run["hot"]), strict=True))
     times = {"cold": cold, "hot": hot, "cold_processor": cold_processor, "hot_processor": hot_processor}
-    return replace(point, error=error, **times)
+    return replace(point, error=error, memory=max(run["memory"] for run in runs), **times)
 
 
 def _in_new_process(location: str, index: int, duration: float, time_limit: float) -> dict[str, Any]:
@@ -122,7 +125,8 @@ def main(location: str, index: str, duration: str, stored: str) -> None:
         while not hot or (sum(turn[0] for turn in hot) < float(duration) and len(hot) < _MOST_CALLS):
             low, high = _CHANGES
             hot.append(_timed(setting, problem, low + (high - low) * ((len(hot) + 1) * _GOLDEN % 1.0))[1:])
-        result = {"answer": answer, "cold": cold, "hot": hot}
+        memory = _KIBIBYTE * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        result = {"answer": None if setting.size else answer, "cold": cold, "hot": hot, "memory": memory}
     except Exception as raised:  # Any exception is the reason of the failure.
         result = {"failed": f"{type(raised).__name__}: {' '.join(str(raised).split())}"[:_WORDS]}
     Path(stored).write_bytes(pickle.dumps(result))

@@ -12,11 +12,13 @@ from typing import Any, get_args
 
 from boomctl.checks import known
 from boomctl.files import plain
-from boomctl.lab.benchmark.diagram import Calls, Diagram, Point
+from boomctl.lab.benchmark.diagram import Calls, Diagram, Point, by_method, exponent
 from boomctl.lab.benchmark.measure import measured
 from boomctl.report import Report, Section, Table, power
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "ctrlsys", "mpmath")
+_PAGE_HEADS = ("Scene", "boomctl", "Error", "First call", "Later calls", "Memory", "Other program", "Least lead")
+_SIZE_HEADS = ("Scene", "Method", "Sizes", "Run time", "Exponent")
 _SHADES = {"NO": "#f9d6d5", "yes": "#e3f4e3"}
 SCENES = {
     key: f"boomctl.lab.benchmark.scenes.{location}"
@@ -39,6 +41,8 @@ SCENES = {
 """Function that builds each scene, "module:function"."""
 
 _GROUPS = ("boom", "hub", "slew")  # names of all scenes that begin so
+_NO_POINT = Point("", "", False, False)
+_SHOWN_ERROR = 1e-3  # largest error of the settings on the page of the documentation
 _TIME_LIMIT = 300.0  # of one setting [s]; the slowest takes a minute and a half
 
 
@@ -79,9 +83,30 @@ class BenchmarkReport:
         sections = (
             Section("Whose front leads", (), (self._lead_table(),)),
             *map(_scene_section, self.diagrams),
+            Section("Run time over size", (), (Table(_SIZE_HEADS, tuple(self._size_lines()), align="lllrr"),)),
             Section("Machine, versions, and how to repeat this", text, (facts,)),
         )
-        return Report("Run time against error", (lead,), sections, self.to_dict())
+        files = {"accuracy.md": self.page()} if self.environment else {}
+        return Report("Run time against error", (lead,), sections, self.to_dict(), files)
+
+    def page(self) -> str:
+        """Return the page of the documentation on accuracy and run time, in Markdown."""
+        scenes, sizes = (
+            _markdown(_PAGE_HEADS, map(_page_line, self.diagrams)),
+            _markdown(_SIZE_HEADS, self._size_lines()),
+        )
+        text = (Path(__file__).parent / "accuracy.md").read_text(encoding="utf-8")
+        return text.format(scenes=scenes, sizes=sizes, **self.environment)
+
+    def _size_lines(self) -> list[tuple[str, ...]]:
+        """Return a line of each method whose run time is measured over size."""
+        result = []
+        for diagram in self.diagrams:
+            for method, points in by_method(diagram.sized).items():
+                sizes, times = " / ".join(p.label for p in points), " / ".join(duration(p.hot) for p in points)
+                slope = exponent(points)
+                result.append((diagram.title, method, sizes, times, "" if slope is None else f"{slope:.1f}"))
+        return result
 
     def __str__(self) -> str:
         """Return whose front leads, for a terminal."""
@@ -120,11 +145,34 @@ def _point_table(diagram: Diagram) -> Table:
         front = ", ".join(calls for calls in get_args(Calls) if p in diagram.front(calls))
         verified = "yes" if p.verified else "no"
         lines.append(
-            (p.method, p.label, p.failed or error_words(p.error), duration(p.cold), duration(p.hot), verified, front)
+            (
+                *(p.method, p.label, p.failed or error_words(p.error)),
+                *(duration(p.cold), duration(p.hot), _megabytes(p.memory), verified, front),
+            )
         )
-    heads = ("Method", "Setting", "Error", "Cold", "Hot", "Verified", "On the front")
+    heads = ("Method", "Setting", "Error", "Cold", "Hot", "Memory", "Verified", "On the front")
     caption = "Verified: the method checks its answer by an independent computation within the run time shown."
-    return Table(heads, tuple(lines), caption, align="llrrrll")
+    return Table(heads, tuple(lines), caption, align="llrrrrll")
+
+
+def _page_line(diagram: Diagram) -> tuple[str, ...]:
+    """Return the line of a scene on the page of the documentation: fastest settings with an error small enough."""
+    fronts = (diagram.front("hot", ours=whose) for whose in (True, False))
+    ours, other = (next((p for p in front if p.error <= _SHOWN_ERROR), _NO_POINT) for front in fronts)
+    leads = ", ".join(_ratio(diagram.leads(calls)[0][0]) for calls in get_args(Calls) if diagram.leads(calls))
+    error = error_words(ours.error) if ours.method else ""
+    times = duration(ours.cold), duration(ours.hot), _megabytes(ours.memory)
+    peer = f"{_name(other)}: {duration(other.hot)} {_megabytes(other.memory)}" if other.method else "none"
+    return (diagram.title, _name(ours), error, *times, peer, leads)
+
+
+def _markdown(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> str:
+    """Return a table in Markdown."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in (heads, ("---",) * len(heads), *lines))
+
+
+def _megabytes(memory: float | None) -> str:
+    return "" if memory is None else f"{memory / 1e6:.0f}\u00a0MB"
 
 
 def _ratio(value: float) -> str:

@@ -1,9 +1,10 @@
 """A scene of the benchmark: one problem, its reference solution, and the methods that solve it at various settings."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib.util import find_spec
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,8 @@ class Setting:
         What has to be installed.
     ours : bool
         Whether it is this package.
+    size : int
+        Size of the problem, where run time is measured over it and no error; 0 otherwise.
     """
 
     method: str
@@ -37,6 +40,7 @@ class Setting:
     verified: bool = False
     modules: tuple[str, ...] = ()
     ours: bool = False
+    size: int = 0
 
     @property
     def missing(self) -> str:
@@ -67,6 +71,12 @@ def settings(
         yield Setting(method, label.format(*item), partial(solve, *item), **kind)
 
 
+def sized(*chosen: Iterable[Setting]) -> Iterator[Setting]:
+    """Yield settings, whose labels begin with the size of the problem, for run times over size instead of errors."""
+    for setting in chain(*chosen):
+        yield replace(setting, size=int(setting.label.split()[0]))
+
+
 def relative_error(least: float = 0.0) -> Callable[[Any, Array, Array], float]:
     """Return the error of a scene whose answers are arrays: the largest over the largest true value; at least ``least``."""
     return lambda problem, true, answer: max(float(np.abs(answer - true).max() / np.abs(true).max()), least)
@@ -85,6 +95,7 @@ class Scene:
     error : callable
         Takes the problem, the reference and an answer to the error.
     methods : iterable of Setting
+        Settings whose error is measured, and those of other sizes.
     remarks : tuple of str
         What a reader has to know to read the picture.
     problem : callable
@@ -107,8 +118,10 @@ class Scene:
 
     @property
     def few(self) -> Mapping[int, Setting]:
-        """Every third setting of each method, by its place among all."""
+        """Every third setting of each method, by its place among all; none of other sizes."""
         indices: dict[str, list[int]] = {}
         for index, setting in enumerate(self.settings):
+            if setting.size:
+                continue
             indices.setdefault(setting.method, []).append(index)
         return {index: self.settings[index] for result in indices.values() for index in result[::3]}

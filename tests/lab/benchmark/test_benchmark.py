@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from boomctl.lab.benchmark import measure, report
-from boomctl.lab.benchmark.diagram import Diagram, Point
+from boomctl.lab.benchmark.diagram import Diagram, Point, exponent
 from boomctl.lab.benchmark.measure import measured, scene_at
 from boomctl.lab.benchmark.report import SCENES, BenchmarkReport, environment, run, wanted
 from tests.command import boomctl
@@ -71,7 +71,7 @@ def test_lead_is_over_our_fastest_point_with_no_larger_error(found, way):
 
 def test_run_times_are_medians_of_single_calls(monkeypatch):
     runs_of = iter(
-        {"answer": 1.5, "cold": [cold, 2 * cold], "hot": [[hot, 2 * hot], [3 * hot, 6 * hot]]}
+        {"answer": 1.5, "cold": [cold, 2 * cold], "hot": [[hot, 2 * hot], [3 * hot, 6 * hot]], "memory": 1e6 * hot}
         for cold, hot in ((9.0, 1.0), (3.0, 2.0), (6.0, 4.0))
     )
     scene = replace(scene_at(TINY), methods=scene_at(TINY).settings[:1])
@@ -79,7 +79,7 @@ def test_run_times_are_medians_of_single_calls(monkeypatch):
     monkeypatch.setattr(measure, "_in_new_process", lambda *given: next(runs_of))
     (point,) = measured("tiny", TINY, quick=False, time_limit=1.0, progress=lambda text: None).points
     assert (point.error, point.cold, point.cold_processor) == (0.5, 6.0, 12.0)
-    assert (point.hot, point.hot_processor) == (3.5, 7.0)
+    assert (point.hot, point.hot_processor, point.memory) == (3.5, 7.0, 4e6)
 
 
 def test_a_hot_time_is_that_of_a_single_call(monkeypatch, tmp_path):
@@ -102,6 +102,7 @@ def test_measured_tiny_scene_has_times_errors_and_failures():
     for p in (first, second, other):
         assert min(p.cold, p.hot) > 0.0
         assert min(p.cold_processor, p.hot_processor) >= 0.0
+        assert 1e6 < p.memory < 1e10
         assert p.failed == ""
     assert (first.ours, first.verified) == (True, True)
     assert (other.ours, other.verified) == (False, False)
@@ -111,6 +112,8 @@ def test_measured_tiny_scene_has_times_errors_and_failures():
     assert dies.failed == "exit code 1: gone"
     assert absent.failed == "no_such_module is not installed"
     assert all(p.error == inf and p.cold is None for p in (raises, number, sleeps, dies, absent))
+    assert [p.size for p in found.sized] == [1, 2, 4]
+    assert all(p.hot > 0.0 and p.error == inf and p.failed == "" for p in found.sized)
     assert told[0] == "tiny: mine, plus 0.5"
     assert told[-1] == "tiny: reference solution"
 
@@ -123,7 +126,23 @@ def test_few_settings_are_every_third_of_each_method():
 OURS = Point("mine", "a", True, True, 1e-4, 1e-3, 5e-4, 1e-3, 5e-4)
 OTHER = Point("other", "b", False, False, 1e-3, 4e-3, 2.5e-4, 4e-3, 1e-3)
 FAILED = Point("other", "c", False, False, failed="ValueError: <no>")
-REPORT = BenchmarkReport((diagram(OURS, OTHER, FAILED),), {"processor": "of sand", "numpy": "2", "scipy": "1"})
+SIZED = tuple(Point("mine", f"{n} parts", True, True, hot=1e-3 * n**1.5, size=n) for n in (4, 1, 2))
+MACHINE = {"processor": "of sand", "cores": "2", "python": "3", "numpy": "2", "scipy": "1"}
+REPORT = BenchmarkReport((replace(diagram(OURS, OTHER, FAILED), sized=SIZED),), MACHINE)
+
+
+def test_exponent_of_run_time_is_that_of_the_power():
+    assert exponent(SIZED) == pytest.approx(1.5)
+    assert exponent(replace(p, hot=None) for p in SIZED) is None
+
+
+def test_page_has_the_fastest_settings_and_exponents():
+    lines = REPORT.page().splitlines()
+    found = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines if line.startswith("| A tiny scene")]
+    first, *_ = found
+    assert first[1:3] == ["mine, a", "1.0·10⁻⁴"]
+    assert first[-2:] == ["other, b: 250\u00a0µs", "4, 0.5"]
+    assert found[1][1:] == ["mine", "4 parts / 1 parts / 2 parts", "8\u00a0ms / 1\u00a0ms / 2.83\u00a0ms", "1.5"]
 
 
 @pytest.mark.slow  # pictures
@@ -134,7 +153,10 @@ def test_report_has_leads_scenes_and_machine(tmp_path):
     assert places == sorted(places)
     assert made.html.count("<img") == 1
     assert "http" not in made.html.replace("http://www.w3.org", "")
-    assert {path.name for path in made.write(tmp_path)} == {"report.html", "results.json", "tiny.png", "tiny.svg"}
+    assert {path.name for path in made.write(tmp_path)} == {
+        *("report.html", "results.json", "tiny.png", "tiny.svg"),
+        "accuracy.md",
+    }
     written = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
     (scene,) = written["scenes"]
     assert [p["verified"] for p in scene["points"]] == [True, False, False]

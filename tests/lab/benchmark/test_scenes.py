@@ -198,7 +198,7 @@ def test_level_that_slycot_is_told_is_the_least():
     lower = scene.reference(plant)
     assert pytest.approx(lower, rel=1e-6) == synthesis._BEST
     for setting in scene.settings:
-        if setting.ours:
+        if setting.ours and not setting.size:
             asked = float(setting.label.split()[-1])
             assert scene.error(plant, lower, setting.solve(plant, 0.0)) <= asked * (1.0 + 1e-6), setting.label
     found = control.hinfsyn(plant, 2, 2)[0]

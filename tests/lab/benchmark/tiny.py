@@ -2,7 +2,7 @@
 
 import time
 
-from boomctl.lab.benchmark.scene import Scene, settings
+from boomctl.lab.benchmark.scene import Scene, settings, sized
 
 
 def _answer(value, problem, change):
@@ -28,6 +28,7 @@ def tiny():
             *settings("mine", "plus {}", (0.5, 0.25), _answer, verified=True, ours=True),
             *settings("other", "{}", (0.125, "raises", "nan", "sleeps", "dies"), _answer),
             *settings("absent", "{}", (0.0,), _answer, modules=("no_such_module.part",)),
+            *sized(settings("mine", "{} parts", (1, 2, 4), _answer, verified=True, ours=True)),
         ),
         remarks=("One is one.",),
     )

@@ -23,7 +23,7 @@ from boomctl.lab.benchmark.plain_boom import (
     pymor_norm,
     varied,
 )
-from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings, sized
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
@@ -37,6 +37,7 @@ _FIRST, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of t
 _EDGES, _HEIGHT = np.array([0.0, 0.5, 1.5, 2.0]), 0.1  # s, m: corners of a bump, and its height
 _SAME = 1e-8  # Error of the reference, below which errors count as equal.
 _REDUCED = 100  # elements of the boom that is reduced
+_SIZES, _ORDER = (20, 50, 100), 10  # elements at which run times are compared, and order of the models reduced there
 _PLAIN = "Other programs are given the same cubic elements by a plain NumPy code, which is timed with them."
 
 _Solve = Callable[[Any], Any]
@@ -88,6 +89,10 @@ def boom_sigma() -> Scene:
             *settings("exact beam", "no mesh", [()], exact, ours=True),
             *_others("python-control", _PEERS, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
             *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: banded_sigma(boom, _OMEGA)),
+            *sized(
+                _ours(lambda model: sigma(model, _OMEGA).sigma, _SIZES, ()),
+                _others("python-control", _SIZES, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
+            ),
         ),
         remarks=(_PLAIN,),
     )
@@ -116,6 +121,7 @@ def boom_peak() -> Scene:
             *_ours(peak, verified=True),
             *_others("control.linfnorm", _PEERS, by_control, "slycot"),
             *_others("pyMOR, hinf_norm", _PEERS[:4], pymor_norm, "pymor", "slycot"),
+            *sized(_ours(peak, _SIZES, ()), _others("control.linfnorm", _SIZES, by_control, "slycot")),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
     )
@@ -162,6 +168,10 @@ def boom_time() -> Scene:
             *(s for rtol, n, k in sizes for s in _ours(ours(rtol), n, k)),
             *_others("control.forced_response", _PEERS, by_control),
             *_others("scipy.signal.lsim", _PEERS, lambda boom: lsim(boom, time, motion)),
+            *sized(
+                _ours(ours(1e-4), _SIZES, ()),
+                _others("scipy.signal.lsim", _SIZES, lambda boom: lsim(boom, time, motion)),
+            ),
         ),
         remarks=(_PLAIN, "Mesh and accuracy of ours are set together: a fine mesh is given a tight accuracy."),
     )
@@ -170,16 +180,17 @@ def boom_time() -> Scene:
 def boom_reduction() -> Scene:
     """Return the scene of reduction."""
 
-    def full(p: BoomParameters, change: float) -> SecondOrderModel:
-        return spray_boom(varied(p, change), elements=_REDUCED).select(ACTUATORS, TIPS)
+    def full(p: BoomParameters, change: float, elements: int = _REDUCED) -> SecondOrderModel:
+        return spray_boom(varied(p, change), elements=elements).select(ACTUATORS, TIPS)
 
-    def ours(order: int, p: BoomParameters, change: float) -> Any:
-        return reduce(full(p, change), order).system
+    def ours(elements: int, order: int, p: BoomParameters, change: float) -> Any:
+        return reduce(full(p, change, elements), order).system
 
-    def theirs(order: int, p: BoomParameters, change: float) -> control.StateSpace:
-        return control.balred(full(p, change).to_statespace(), order)
+    def theirs(elements: int, order: int, p: BoomParameters, change: float) -> control.StateSpace:
+        return control.balred(full(p, change, elements).to_statespace(), order)
 
-    orders = (4, 6, 8, 10, 14, 20, 30)
+    orders = [(_REDUCED, order) for order in (4, 6, 8, 10, 14, 20, 30)]
+    meshes = [(elements, _ORDER) for elements in _SIZES]
     return Scene(
         title=f"The boom of {_REDUCED} elements reduced",
         question=f"From the boom's parameters, by {_REDUCED} finite elements, to a small system, actuators to tips.",
@@ -188,8 +199,12 @@ def boom_reduction() -> Scene:
         reference=lambda p: resonance_grid(full(p, 0.0)),
         error=lambda p, true, answer: difference(answer, *true),
         methods=(
-            *settings("reduce, balanced", "order {}", orders, ours, verified=True, ours=True),
-            *settings("control.balred", "order {}", orders, theirs, modules=("slycot",)),
+            *settings("reduce, balanced", "order {1}", orders, ours, verified=True, ours=True),
+            *settings("control.balred", "order {1}", orders, theirs, modules=("slycot",)),
+            *sized(
+                settings("reduce, balanced", "{} elements", meshes, ours, verified=True, ours=True),
+                settings("control.balred", "{} elements", meshes, theirs, modules=("slycot",)),
+            ),
         ),
         remarks=("Others are given the dense first-order matrices of our model, which are timed with them.",),
     )

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings, sized
 from boomctl.maneuvers import SineTorque, SpinUp
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.factory import hub_beam
@@ -55,6 +55,7 @@ def _scene(
     title: str, words: str, maneuver: Maneuver, end: float, reference: tuple[int, float], methods: dict[str, Cases]
 ) -> Scene:
     timepts = time_points(end)
+    meshes = tuple((modes, 1e-6) for modes in (2, 4, 8))
     (exact,) = _settings(maneuver, timepts, "geometrically-exact", (reference,))
     return Scene(
         title=title,
@@ -62,7 +63,10 @@ def _scene(
         measure=f"Largest error over the largest displacement, against the exact beam with {reference[0]} polynomials.",
         reference=lambda problem: exact.solve(problem, 0.0),
         error=relative_error(),
-        methods=tuple(s for method, cases in methods.items() for s in _settings(maneuver, timepts, method, cases)),
+        methods=(
+            *(s for method, cases in methods.items() for s in _settings(maneuver, timepts, method, cases)),
+            *sized(*(_settings(maneuver, timepts, method, meshes) for method in ("sfoam", "CVODES"))),
+        ),
         remarks=(
             "SFOAM and FOAM end at the error of the model for any number of modes.",
             "Others solve SFOAM's equations; their modal integrals and derivatives are ours, computed in their calls.",

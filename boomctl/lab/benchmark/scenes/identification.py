@@ -12,7 +12,7 @@ from scipy.optimize import linear_sum_assignment
 
 from boomctl.arrays import Array
 from boomctl.identification.identify import identify
-from boomctl.lab.benchmark.scene import Scene, settings
+from boomctl.lab.benchmark.scene import Scene, settings, sized
 
 STEP, _SAMPLES, _FITTED = 1.0 / 1024.0, 8523, 6000  # s; of the steel subframe in DaISy, whose twin this is
 BAND = (5.0, 490.0)  # Hz
@@ -54,6 +54,12 @@ def identification() -> Scene:
         )
         return np.array([mode.frequency_hz for mode in result.modes])
 
+    def sized_ours(outputs: int, problem: tuple[Array, Array, Array], change: float) -> Array:
+        return ours(1.0 - _FITTED / _SAMPLES, frame_record(outputs), change)
+
+    def sized_theirs(outputs: int, problem: tuple[Array, Array, Array], change: float) -> Array:
+        return theirs("MOESP", 32, frame_record(outputs), change)
+
     def theirs(method: str, order: int, problem: tuple[Array, Array, Array], change: float) -> Array:
         u, y, _ = problem
         return subspace_frequencies(method, order, u[:_FITTED], (1.0 + change) * y[:_FITTED], STEP)
@@ -73,6 +79,10 @@ def identification() -> Scene:
             *settings("identify", "{:.0%} held back", (1.0 - _FITTED / _SAMPLES, 0.5), ours, verified=True, ours=True),
             *settings("SLICOT, MOESP", "order {1}", [("MOESP", n) for n in (32, 40, 48)], theirs, **options),
             *settings("SLICOT, N4SID", "order {1}", [("N4SID", n) for n in (32, 40)], theirs, **options),
+            *sized(
+                settings("identify", "{} outputs", (7, 14, 28), sized_ours, verified=True, ours=True),
+                settings("SLICOT, MOESP", "{} outputs", (7, 14, 28), sized_theirs, **options),
+            ),
         ),
         remarks=(
             "Ours finds the number of modes, gives intervals, and is validated on the part held back.",

@@ -17,7 +17,7 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.lab.benchmark.exact_steps import extended_maps, extrapolated_step
 from boomctl.lab.benchmark.plain_boom import varied
-from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, relative_error, settings, sized
 from boomctl.lab.benchmark.scenes.hub_beam import machine
 from boomctl.lti.python_control import control
 from boomctl.lti.rounding import SUMMED
@@ -134,18 +134,18 @@ def _peers(restarted: Callable[..., Array], continuous: Callable[..., Array]) ->
 
 @dataclass(frozen=True)
 class BoomLoop:
-    """The boom's lowest 20 modes, a spring and damper law on its strokes, and the motion of all inputs at all samples."""
+    """The boom's lowest modes, a spring and damper law on its strokes, and the motion of all inputs at all samples."""
 
     plant: control.StateSpace
     law: control.StateSpace
     motion: Array
 
     @classmethod
-    def of(cls, change: float = 0.0) -> "BoomLoop":
+    def of(cls, change: float = 0.0, modes: int = _MODES) -> "BoomLoop":
         """Return the loop of a boom with other springs."""
         model = spray_boom(varied(BoomParameters(), change), elements=20)
-        _, shapes = undamped_modes(model.structure, _MODES)
-        modal = model.structure.projected(shapes, tuple(f"mode{k}" for k in range(_MODES)))
+        _, shapes = undamped_modes(model.structure, modes)
+        modal = model.structure.projected(shapes, tuple(f"mode{k}" for k in range(modes)))
         plant = SecondOrderModel.of(modal, model.ports.congruent(shapes)).to_statespace()
         names: dict[str, Any] = {"inputs": list(_STROKES), "outputs": list(_FORCES)}
         law = control.ss(-60.0 * np.eye(2), 60.0 * np.eye(2), 300.0 * np.eye(2), -300.0 * np.eye(2), **names)
@@ -212,8 +212,11 @@ def _rough_ground(time: Array) -> Array:
 def boom_loop() -> Scene:
     """Return the scene of the boom's suspension."""
 
-    def ours(problem: BoomLoop, change: float) -> Array:
-        return BoomLoop.of(change).simulated()
+    def ours(modes: int, problem: BoomLoop, change: float) -> Array:
+        return BoomLoop.of(change, modes).simulated()
+
+    def theirs(modes: int, problem: BoomLoop, change: float) -> Array:
+        return BoomLoop.of(change, modes).loop.restarted("RK45", 1e-6)
 
     return Scene(
         title=f"The boom's suspension with a force limit, {_END:g} s sampled at 1 kHz",
@@ -223,10 +226,14 @@ def boom_loop() -> Scene:
         reference=lambda problem: problem.exact(),
         error=relative_error(SUMMED),
         methods=(
-            *settings("simulate_loop", "exact", [()], ours, ours=True),
+            *settings("simulate_loop", "exact", (_MODES,), ours, ours=True),
             *_peers(
                 lambda method, rtol, problem, change: BoomLoop.of(change).loop.restarted(method, rtol),
                 lambda method, rtol, problem, change: BoomLoop.of(change).responded(method, rtol),
+            ),
+            *sized(
+                settings("simulate_loop", "{} modes", (5, 10, 20), ours, ours=True),
+                settings("solve_ivp RK45, restarted", "{} modes", (5, 10, 20), theirs),
             ),
         ),
         remarks=(_CONTINUOUS, "The modes of the plant are ours, computed in everybody's calls."),
@@ -284,9 +291,13 @@ def beam_responded(beam: AssumedModesBeam, time: Array, method: str, rtol: float
 def beam_loop() -> Scene:
     """Return the scene of the hub-beam that is turned to an angle."""
 
-    def ours(rtol: float, problem: Any, change: float) -> Array:
-        return simulated(beam(change), _TIME, rtol)
+    def ours(rtol: float, modes: int, problem: Any, change: float) -> Array:
+        return simulated(beam(change, modes), _TIME, rtol)
 
+    def theirs(modes: int, problem: Any, change: float) -> Array:
+        return loop_of(beam(change, modes), _TIME).restarted("RK45", 1e-6)
+
+    cases = [(rtol, _BEAM_MODES) for rtol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)]
     return Scene(
         title=f"The hub-beam turned by a controller with a torque limit, {_END:g} s sampled at 1 kHz",
         question=f"From the beam's parameters, SFOAM, {_BEAM_MODES} modes, to the tip's displacement.",
@@ -294,10 +305,14 @@ def beam_loop() -> Scene:
         reference=lambda problem: beam_reference(beam(), _TIME),
         error=relative_error(SUMMED),
         methods=(
-            *settings("simulate_loop", "rtol {:.0e}", (1e-2, 1e-4, 1e-6, 1e-8, 1e-10), ours, ours=True),
+            *settings("simulate_loop", "rtol {:.0e}", cases, ours, ours=True),
             *_peers(
                 lambda method, rtol, problem, change: loop_of(beam(change), _TIME).restarted(method, rtol),
                 lambda method, rtol, problem, change: beam_responded(beam(change), _TIME, method, rtol),
+            ),
+            *sized(
+                settings("simulate_loop", "{1} modes", [(1e-6, 2), (1e-6, 4), (1e-6, 8)], ours, ours=True),
+                settings("solve_ivp RK45, restarted", "{} modes", (2, 4, 8), theirs),
             ),
         ),
         remarks=(_CONTINUOUS, "The derivative of the state that others integrate is ours."),

@@ -15,7 +15,7 @@ from scipy.optimize import root
 
 from boomctl.arrays import Array
 from boomctl.lab.benchmark.exact_steps import extrapolated_step
-from boomctl.lab.benchmark.scene import Scene, Setting, settings
+from boomctl.lab.benchmark.scene import Scene, Setting, settings, sized
 from boomctl.lab.benchmark.scenes.hub_beam import machine
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.optimal import optimal_slew
@@ -23,6 +23,7 @@ from boomctl.slew.torque import TorqueProfile, held
 
 _ANGLE, _LIMIT, _MODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
 _DURATION, _GUESS = 3.0, 3.5  # s: of the slew of least effort (the least time is 2.91 s); from which others begin
+_SIZES = (1, 2, 4)  # modes at which run times are compared
 _SAME = 1e-11  # Rounding error of the references, below which errors count as equal.
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
@@ -107,8 +108,8 @@ def _scene(
 ) -> Scene:
     """Return the scene of a slew; ``what`` is least, ``least`` says how the least one is found."""
 
-    def theirs(intervals: int, substeps: int, problem: Any, change: float) -> TorqueProfile:
-        slew = slew_of(change, duration=_GUESS if what == "time" else _DURATION)
+    def theirs(intervals: int, substeps: int, modes: int, problem: Any, change: float) -> TorqueProfile:
+        slew = slew_of(change, modes, _GUESS if what == "time" else _DURATION)
         return opti_torque(slew.on(intervals), substeps, fastest=what == "time")
 
     def error(problem: Any, least: float, answer: TorqueProfile) -> float:
@@ -116,7 +117,8 @@ def _scene(
         return max(abs(reached / least - 1.0), end_error(slew_of(), answer), _SAME)
 
     steps = {"Opti, RK4": 1, "Opti, 4 steps of RK4": 4}
-    meshes = {method: [(n, count) for n in (50, 100, 200, 400)] for method, count in steps.items()}
+    meshes = {method: [(n, count, _MODES) for n in (50, 100, 200, 400)] for method, count in steps.items()}
+    sizes = [(100, 4, modes) for modes in _SIZES]
     return Scene(
         title=title,
         question=f"From the beam's parameters to the torque of least {what} within {_LIMIT:g} N m; SFOAM, {_MODES} modes.",
@@ -133,6 +135,7 @@ def _scene(
                 for name, mesh in meshes.items()
                 for s in settings(name, "{} intervals", mesh, theirs, modules=("casadi",))
             ),
+            *sized(settings("Opti, 4 steps of RK4", "{2} modes", sizes, theirs, modules=("casadi",))),
         ),
         remarks=(remark,),
     )
@@ -141,15 +144,21 @@ def _scene(
 def slew_time() -> Scene:
     """Return the scene of least time."""
 
-    def ours(rtol: float, problem: Any, change: float) -> TorqueProfile:
-        return optimal_slew(slew_of(change).beam, _ANGLE, _LIMIT, rtol=rtol).torque_profile
+    def ours(rtol: float, modes: int, problem: Any, change: float) -> TorqueProfile:
+        return optimal_slew(slew_of(change, modes).beam, _ANGLE, _LIMIT, rtol=rtol).torque_profile
+
+    cases, sizes = [(rtol, _MODES) for rtol in (1e-3, 1e-6, 1e-9)], [(1e-3, modes) for modes in _SIZES]
+    kind: dict[str, Any] = {"verified": True, "ours": True}
 
     return _scene(
         "Minimum-time slew",
         "time",
         "switching times, found from Opti's by extrapolated motions",
         lambda problem: least_time(slew_of(duration=_GUESS), 200),
-        tuple(settings("optimal_slew", "rtol {:.0e}", (1e-3, 1e-6, 1e-9), ours, verified=True, ours=True)),
+        (
+            *settings("optimal_slew", "rtol {:.0e}", cases, ours, **kind),
+            *sized(settings("optimal_slew", "{1} modes", sizes, ours, **kind)),
+        ),
         "Ours replays the torque by another integrator; torques held on a mesh take a little longer.",
     )
 
@@ -157,17 +166,22 @@ def slew_time() -> Scene:
 def slew_effort() -> Scene:
     """Return the scene of least effort."""
 
-    def ours(intervals: int, problem: Any, change: float) -> TorqueProfile:
-        return optimal_slew(
-            slew_of(change).beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals
-        ).torque_profile
+    def ours(intervals: int, modes: int, problem: Any, change: float) -> TorqueProfile:
+        beam = slew_of(change, modes).beam
+        return optimal_slew(beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals).torque_profile
+
+    cases, sizes = [(n, _MODES) for n in (30, 55, 110, 220, 420)], [(110, modes) for modes in _SIZES]
+    kind: dict[str, Any] = {"verified": True, "ours": True}
 
     return _scene(
         f"Minimum-effort slew in {_DURATION:g} s",
         "effort",
         "any torque, extrapolated from Opti's on fine meshes",
         lambda problem: least_effort(slew_of(), 400),
-        tuple(settings("optimal_slew", "{} intervals", (30, 55, 110, 220, 420), ours, verified=True, ours=True)),
+        (
+            *settings("optimal_slew", "{} intervals", cases, ours, **kind),
+            *sized(settings("optimal_slew", "{1} modes", sizes, ours, **kind)),
+        ),
         "On one mesh all efforts are alike; ours is replayed by another integrator.",
     )
 

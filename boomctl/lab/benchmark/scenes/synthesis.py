@@ -3,6 +3,7 @@
 Other programs: slycot's SB10AD, and SciPy's simplex search over a gain.
 """
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from boomctl.arrays import Array
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.files import read_toml
-from boomctl.lab.benchmark.scene import Scene, settings
+from boomctl.lab.benchmark.scene import Scene, settings, sized
 from boomctl.lti.python_control import control
 from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import split_symmetric
@@ -36,15 +37,17 @@ _BEST = 1.2092993  # least level of this plant, as someone who knows it would te
 _PLANTS = Path(__file__).parents[1] / "plants.toml"
 _STARTS = 20  # of the search whose norms are the reference of tuning
 _LARGEST = 1e3  # entry of a gain
+_SIZES = (8, 16, 32)  # states of the suspension's plant at which run times are compared
 
 
-def suspension_plant() -> control.StateSpace:
-    """Return the generalized plant of both halves of the boom, each reduced to ten states."""
+@cache
+def suspension_plant(order: int = 20) -> control.StateSpace:
+    """Return the generalized plant of both halves of the boom, each reduced to half the states."""
     halves = []
     for side, half in zip(_SIDES, split_symmetric(spray_boom(BoomParameters(), elements=20)), strict=True):
         scales = {f"{signal}_{side}": scale for signal, scale in _SCALES.items()}
         chosen = half.select([f"{name}_{side}" for name in _INPUTS], [f"{name}_{side}" for name in _OUTPUTS])
-        halves.append(reduce(scale_signals(chosen, scales), order=10).system)
+        halves.append(reduce(scale_signals(chosen, scales), order=order // 2).system)
     A, B, C, D = (linalg.block_diag(*(getattr(half, name) for half in halves)) for name in "ABCD")
     ins, outs = ([name for half in halves for name in getattr(half, f"{kind}_labels")] for kind in ("input", "output"))
     platform, controls, tips, strokes = ([f"{n}_{s}" for s in _SIDES] for n in (*_INPUTS, *_OUTPUTS))
@@ -90,6 +93,12 @@ def h_infinity_scene() -> Scene:
     def slycot(job: int, level: float, gtol: float, P: control.StateSpace, change: float) -> control.StateSpace:
         return sb10ad(_faster(P, change), _NMEAS, _NCON, job, level, gtol)
 
+    def sized_ours(states: int, P: control.StateSpace, change: float) -> control.StateSpace:
+        return ours(1e-3, None, suspension_plant(states), change)
+
+    def sized_slycot(states: int, P: control.StateSpace, change: float) -> control.StateSpace:
+        return slycot(1, _START, 1e-3, suspension_plant(states), change)
+
     cases = [*((tolerance, None) for tolerance in (0.1, 1e-2, 1e-3, 1e-4)), (1e-5, _FAST), (1e-7, _FAST)]
     levels = [(4, _BEST * (1.0 + above), above) for above in (0.1, 1e-2, 1e-3, 1e-4)]
     searched = [(1, _START, gtol) for gtol in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)]
@@ -105,6 +114,10 @@ def h_infinity_scene() -> Scene:
             *settings("control.hinfsyn", "defaults", [()], hinfsyn, modules=("slycot",)),
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
             *settings("slycot sb10ad, given the level", "{2:.2%} above the best", levels, slycot, modules=("slycot",)),
+            *sized(
+                settings("h_infinity", "{} states", _SIZES, sized_ours, verified=True, ours=True),
+                settings("slycot sb10ad, bisection", "{} states", _SIZES, sized_slycot, modules=("slycot",)),
+            ),
         ),
         remarks=(
             "Ours verifies the loop and proves how far from the best it is; slycot, given the level, computes only.",
@@ -140,6 +153,12 @@ def tuning() -> Scene:
             for name, (P, nmeas, ncon) in plants.items()
         }
 
+    def sized_ours(states: int, plants: dict[str, Any], change: float) -> dict[str, Any]:
+        return ours(1, {"suspension": (suspension_plant(states), _NMEAS, _NCON)}, change)
+
+    def sized_theirs(states: int, plants: dict[str, Any], change: float) -> dict[str, Any]:
+        return theirs(1, {"suspension": (suspension_plant(states), _NMEAS, _NCON)}, change)
+
     def norms(plants: dict[str, Any], gains: dict[str, Any]) -> Array:
         return np.array([hinf_norm(lft(P, gains[name])).upper_bound for name, (P, *_) in plants.items()])
 
@@ -153,6 +172,10 @@ def tuning() -> Scene:
         methods=(
             *settings("tune", "{} starts", (1, 2, 5, 10), ours, verified=True, ours=True),
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
+            *sized(
+                settings("tune", "{} states", _SIZES, sized_ours, verified=True, ours=True),
+                settings("linfnorm, Nelder-Mead", "{} states", _SIZES, sized_theirs, modules=("slycot",)),
+            ),
         ),
     )
 
