@@ -17,30 +17,16 @@ _ZERO_RTOL = 1e-14  # A column below this fraction of the largest one is roundin
 _NAMED_FRACTION = 1e-3  # Least part in a dependent combination for which a signal is named.
 
 
-def check_stabilizable(A: Array, B: Array, controls: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` for an unstable or undamped mode that is uncontrollable."""
+def check_hidden_modes(
+    kind: str, A: Array, B: Array, signals: Sequence[str], states: Sequence[str], dt: float = 0.0
+) -> None:
+    """Raise :class:`SynthesisError` for an unstable or undamped mode that is hidden from the signals of a kind.
+
+    ``kind`` is "control" or, with the transposes of ``A`` and ``C``, "measurement".
+    """
+    able, hidden = {"control": ("stabiliz", "uncontroll"), "measurement": ("detect", "unobserv")}[kind]
     for mode in unmoved(A, B, states, dt=dt):
-        source = ", ".join(controls) or "any control"
-        raise SynthesisError(f"The plant is not stabilizable: {mode} is uncontrollable from {source}.")
-
-
-def check_detectable(A: Array, C: Array, measurements: Sequence[str], states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` for an unstable or undamped mode that is unobservable."""
-    for mode in unmoved(A.T, C.T, states, dt=dt):
-        sensors = ", ".join(measurements) or "any measurement"
-        raise SynthesisError(f"The plant is not detectable: {mode} is unobservable from {sensors}.")
-
-
-def check_weighted(A: Array, root: Array, what: str, states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` for an undamped mode without weight, which is ``root root^T``."""
-    for mode in unmoved(A.T, root, states, axis_only=True, dt=dt):
-        raise SynthesisError(f"{mode} is undamped and has no part in {what}. Weight a state or output in which it has.")
-
-
-def check_excited(A: Array, root: Array, what: str, states: Sequence[str], dt: float = 0.0) -> None:
-    """Raise :class:`SynthesisError` for an undamped mode that the noise ``root root^T`` does not excite."""
-    for mode in unmoved(A, root, states, axis_only=True, dt=dt):
-        raise SynthesisError(f"{mode} is undamped and not excited by {what}. Add noise that excites it.")
+        raise SynthesisError(f"The plant is not {able}able: {mode} is {hidden}able from {', '.join(signals)}.")
 
 
 def check_ranks(plant: GeneralizedPlant) -> None:
@@ -91,8 +77,9 @@ def checked(plant: GeneralizedPlant) -> NormalizedPlant:
     """
     check_ranks(plant)
     ready = normalized(plant)
-    check_stabilizable(ready.A, ready.B2, plant.controls, ready.system.state_labels, ready.system.dt)
-    check_detectable(ready.A, ready.C2, plant.measurements, ready.system.state_labels, ready.system.dt)
+    states, dt = ready.system.state_labels, ready.system.dt
+    check_hidden_modes("control", ready.A, ready.B2, plant.controls, states, dt)
+    check_hidden_modes("measurement", ready.A.T, ready.C2.T, plant.measurements, states, dt)
     for location in _zeros_on_axis(ready):
         raise SynthesisError(
             f"From the controls ({', '.join(plant.controls)}) to the performance outputs there is a zero {location}. Weight"

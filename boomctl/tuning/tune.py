@@ -15,7 +15,7 @@ from boomctl.checks import function_of, instance, known, positive, sequence, who
 from boomctl.exceptions import SynthesisError
 from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family
-from boomctl.synthesis.assumptions import check_detectable, check_stabilizable
+from boomctl.synthesis.assumptions import check_hidden_modes
 from boomctl.synthesis.certificate import ChannelNorm
 from boomctl.synthesis.plants.channels import Channel, objective
 from boomctl.threads import one_blas_thread
@@ -224,8 +224,8 @@ def _check(problem: Problem) -> None:
     for label, plant in zip(problem.plants.labels, plants, strict=True):
         if plant.ncon and not problem.plants.physical:
             try:
-                check_stabilizable(plant.A, plant.B2, plant.controls, plant.system.state_labels)
-                check_detectable(plant.A, plant.C2, plant.measurements, plant.system.state_labels)
+                for kind, part in (("control", plant), ("measurement", plant.dual)):
+                    check_hidden_modes(kind, part.A, part.B2, part.controls, plant.system.state_labels)
             except SynthesisError as error:
                 raise SynthesisError(f"{label}: {error}" if label else str(error)) from None
     x = problem.clipped(problem.middle + 0.1 * np.random.default_rng(0).normal(size=len(problem.free)))

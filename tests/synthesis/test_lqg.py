@@ -105,24 +105,21 @@ def test_recovery_comes_nearer_with_every_step():
     found = bc.synthesis.loop_transfer_recovery(*given, **options, output_weight={"tip_sym": 1.0})
     assert len(found.zeros) == 0
     assert (np.diff(found.recovery_errors) < 0.0).all()
-    assert found.recovery_errors[-1] < 0.03
-    # a place from a force: the poles of the filter go out with the fourth root of the noise, and the gap falls with it
+    assert found.recovery_errors[-1] < 0.04
+    # a place from a force: the poles of the filter go out with the fourth root of the noise, and the error falls with it
     assert found.recovery_errors[-1] / found.recovery_errors[-2] == pytest.approx(1e3**-0.25, rel=0.3)
-    plant, omega = jolt.to_statespace(), np.geomspace(0.3, 30.0, 400)
+    plant, omega = jolt.to_statespace(), np.geomspace(0.3, 30.0, 2000)
     force, stroke = plant.B[:, [1]], plant.C[[1]]
 
     def through(A, B, C):
         return (C @ np.linalg.solve(1j * omega[:, None, None] * np.eye(len(A)) - A, B + 0j)).ravel()
 
-    gaps = []
     for design, error in zip(found.designs, found.recovery_errors, strict=True):
         K, target = design.controller, through(plant.A, force, design.regulator_gain)
         recovered = through(K.A, K.B, K.C) * through(plant.A, force, stroke)
         # the controller acts by ``u = K y``, the regulator by ``u = -F x``: the loops have opposite signs
-        gaps.append(np.abs(recovered / target + 1.0).max())
-        assert error == pytest.approx(np.abs(np.abs(recovered / target) - 1.0).max(), rel=1e-5)
-    assert gaps[-1] < 0.04  # phases are recovered, too
-    assert gaps[-1] / gaps[-2] == pytest.approx(1e3**-0.25, rel=0.3)
+        gap = np.abs(recovered / target + 1.0).max()
+        assert gap * (1.0 - 1e-6) <= error <= 1.001 * gap  # the peak between the frequencies, too
 
 
 def test_recovery_incomplete_with_rhp_zero():

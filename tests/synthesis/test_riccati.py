@@ -8,8 +8,7 @@ from hypothesis import given
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.riccati import RiccatiProblem
+from boomctl.synthesis.lq.riccati import RiccatiProblem, solution_of
 from tests.profiles import examples
 from tests.strategies import seeds
 from tests.synthesis.test_lqr import random_system

@@ -16,9 +16,8 @@ from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_ranks, checked
 from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
-from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.output_feedback import certify, least_cost, observer
-from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution
+from boomctl.synthesis.lq.lqg import certify, least_cost, observer
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solution_of
 from boomctl.synthesis.plants.full_plant import origin_of
 from boomctl.synthesis.plants.partition import (
     FEEDTHROUGH_RTOL,

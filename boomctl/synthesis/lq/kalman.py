@@ -11,12 +11,9 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, some_names
-from boomctl.lti.gramians import square_root
 from boomctl.lti.system import Lti
 from boomctl.printing import system
-from boomctl.synthesis.assumptions import check_detectable, check_excited
-from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite
+from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite, solved
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, even
 from boomctl.threads import one_blas_thread
 
@@ -113,7 +110,7 @@ def kalman(
     plant = plant_of(system, sampled=True)
     measured = some_names("measurement", measurements, plant.output_labels)
     problem, noisy = filter_problem(plant, process_noise, measurement_noise, measured, disturbances)
-    solution = solved_filter(problem, measured, plant.state_labels)
+    solution = solved(problem, "filter", measured, plant.state_labels)
     L, n, states = solution.gain.T, len(plant.A), plant.state_labels
     known = tuple(name for name in plant.input_labels if name not in noisy)
     G = plant.select(known, measured)
@@ -155,11 +152,3 @@ def filter_problem(
         C, D, S = G.C, G.D, G.B @ intensity @ G.D.T
         W, V = even(G.B @ intensity @ G.B.T), even(V + D @ intensity @ D.T)
     return RiccatiProblem(plant.A.T, C.T, W, V, S, plant.dt), entering
-
-
-def solved_filter(problem: RiccatiProblem, measurements: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
-    """Return the solution of a filter's problem, with its gain transposed, after checks of its assumptions."""
-    check_detectable(problem.A.T, problem.B.T, measurements, states, problem.dt)
-    shifted, _, W = problem.shifted
-    check_excited(shifted.T, square_root(W), "any process noise", states, problem.dt)
-    return solution_of(problem, "the Riccati equation of the filter")

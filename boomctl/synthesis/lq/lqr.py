@@ -18,15 +18,12 @@ from boomctl.checks import finite_array, names, some_names
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import largest_gain
-from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import HiddenMode, unmoved
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.system import Lti, series
 from boomctl.printing import between, count
-from boomctl.synthesis.assumptions import check_stabilizable, check_weighted
 from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
-from boomctl.synthesis.lq.discrete_riccati import solution_of
-from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite
+from boomctl.synthesis.lq.problem import Weight, definite, plant_of, semidefinite, solved
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, even
 from boomctl.threads import one_blas_thread
 
@@ -157,7 +154,7 @@ def lqr(
     acting = whole.select(driven)
     weights = linalg.block_diag(problem.Q, semidefinite("integral_action", integrals, integrated))
     problem = replace(problem, A=whole.A, B=acting.B, Q=weights, N=np.vstack([problem.N, np.zeros((k, m))]))
-    solution = solved_regulator(problem, driven, whole.state_labels)
+    solution = solved(problem, "regulator", driven, whole.state_labels)
     F = solution.gain
     B, D = np.hstack([np.zeros((k, n)), bank.B]), np.hstack([-F[:, :n], np.zeros((m, k))])
     inputs, states = plant.state_labels + integrated, bank.state_labels
@@ -209,14 +206,6 @@ def regulator_problem(
         W = semidefinite("output_weight", output_weight, plant.output_labels)
         states, efforts, cross = states + C.T @ W @ C, efforts + D.T @ W @ D, cross + C.T @ W @ D
     return RiccatiProblem(plant.A, B, even(states), even(efforts), cross, plant.dt)
-
-
-def solved_regulator(problem: RiccatiProblem, controls: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
-    """Return the solution of a regulator's problem, after checks of its assumptions."""
-    check_stabilizable(problem.A, problem.B, controls, states, problem.dt)
-    shifted, _, Q = problem.shifted
-    check_weighted(shifted, square_root(Q), "any weight", states, problem.dt)
-    return solution_of(problem, "the Riccati equation of the regulator")
 
 
 def _certify(problem: RiccatiProblem, solution: RiccatiSolution) -> DesignCertificate:

@@ -1,4 +1,4 @@
-"""Input of linear-quadratic designs, checked: plants, and weights or intensities by signal."""
+"""Linear-quadratic problems: plants, weights or intensities by signal, checked, and solutions under their assumptions."""
 
 from __future__ import annotations
 
@@ -11,7 +11,12 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, real, within
+from boomctl.exceptions import SynthesisError
+from boomctl.lti.gramians import square_root
+from boomctl.lti.hidden_modes import unmoved
 from boomctl.lti.system import Lti, of
+from boomctl.synthesis.assumptions import check_hidden_modes
+from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solution_of
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
@@ -95,3 +100,24 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
             f"`{what}` must be symmetric, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})."
         )
     return 0.5 * (array + array.T)
+
+
+def solved(problem: RiccatiProblem, kind: str, signals: Sequence[str], states: Sequence[str]) -> RiccatiSolution:
+    """Return the solution of a "regulator" or of a "filter", with its gain transposed, after checks of its assumptions.
+
+    Raises
+    ------
+    SynthesisError
+        If a mode that is not stable is hidden from ``signals``, if an undamped one has no weight or no noise, or if the
+        solution is not accurate enough.
+    """
+    of_regulator = kind == "regulator"
+    check_hidden_modes("control" if of_regulator else "measurement", problem.A, problem.B, signals, states, problem.dt)
+    shifted, _, weight = problem.shifted
+    for mode in unmoved(shifted.T, square_root(weight), states, axis_only=True, dt=problem.dt):
+        if of_regulator:
+            lacking = "has no part in any weight. Weight a state or output in which it has"
+        else:
+            lacking = "not excited by any process noise. Add noise that excites it"
+        raise SynthesisError(f"{mode} is undamped and {lacking}.")
+    return solution_of(problem, f"the Riccati equation of the {kind}")

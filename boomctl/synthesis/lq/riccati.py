@@ -1,11 +1,14 @@
-"""Stabilizing solutions of continuous-time Riccati equations, refined by Newton's method and certified.
+"""Stabilizing solutions of Riccati equations, refined by Newton's method and certified.
 
-``A^T X + X A + Q - (X B + N) R^-1 (X B + N)^T = 0`` is solved by the Schur vectors of the Hamiltonian matrix (Laub 1979;
-SLICOT SB02MD) in scaled modal coordinates, then by Newton's method (Kleinman 1968) with residuals in the coordinates of
-the problem and in extended precision, as iterative refinement of linear equations.
+In continuous time ``A^T X + X A + Q - (X B + N) R^-1 (X B + N)^T = 0`` is solved by the Schur vectors of the Hamiltonian
+matrix (Laub 1979; SLICOT SB02MD) in scaled modal coordinates. In discrete time ``X = A^T X A + Q - (A^T X B + N)(R + B^T X
+B)^-1 (A^T X B + N)^T`` is solved by structure-preserving doubling (Chu, Fan, Lin & Wang 2004) or, where that does not
+stabilize, by the generalized Schur vectors of the extended pencil (Van Dooren 1981, SciPy). Newton's method (Kleinman 1968,
+Hewer 1971) follows, with residuals in the coordinates of the problem and in extended precision, as iterative refinement of
+linear equations.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -18,7 +21,7 @@ from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import SUMMED, TINY
+from boomctl.lti.rounding import EPS, SUMMED, TINY
 from boomctl.lti.system import rates_of, signal_scales
 from boomctl.printing import compact
 
@@ -31,7 +34,8 @@ _SOLVED = 1e-8  # Newton's method ends at this fraction of the largest errors of
 _ACCEPTED = 1e-2  # No other solver is used below this fraction of the largest errors of a certificate.
 MAX_RESIDUAL = 1e-6  # Of a certified solution, relative to the terms of the equation.
 MAX_COST_ERROR = 1e-4  # Of a certified solution, relative to the cost.
-MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
+_MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
+_MAX_DOUBLINGS = 64  # A pole within one ulp of the unit circle has decayed after 57.
 
 
 @dataclass(frozen=True)
@@ -75,7 +79,7 @@ class RiccatiProblem:
 
         Products are in extended precision up to 300 states.
         """
-        dtype = np.longdouble if len(X) <= MAX_EXTENDED else float
+        dtype = np.longdouble if len(X) <= _MAX_EXTENDED else float
         parts = (self.A, self.B, self.Q, self.R, self.N, gain, X)
         A, B, Q, R, N, F, x = (np.asarray(part, dtype=dtype) for part in parts)
         if self.dt == 0.0:
@@ -137,6 +141,49 @@ Newton = Callable[[Array, Array, Array | None], Array]
 Change = tuple[Array, Array]
 """A change of coordinates ``x = T z`` and its inverse."""
 
+Start = tuple[str, Array | None, Newton | None]
+"""Coordinates and solver, a solution for Newton's method to begin with and that method's step, or None."""
+
+
+def solution_of(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
+    """Return the first solution far below the largest errors, otherwise the most accurate one.
+
+    Raises
+    ------
+    SynthesisError
+        If there is none, or if it is not accurate enough.
+    """
+    results, stages = [], []
+    for stage, X, newton in (_continuous_starts if problem.dt == 0.0 else _discrete_starts)(problem):
+        stages.append(stage)
+        if X is None or newton is None:
+            continue
+        results.append(_refined(problem, X, newton))
+        if results[-1].relative_error <= _ACCEPTED:
+            break
+    best = min(results, key=lambda result: result.relative_error, default=None)
+    if best is None or best.relative_error == np.inf:
+        raise SynthesisError(
+            f"No stabilizing solution of {what} was found: eigenvalues are too close to the stability boundary."
+        )
+    if not best.relative_error <= 1.0:
+        raise SynthesisError(
+            f"The solution of {what} is not accurate enough: relative residual {best.residual:.1e}, cost error"
+            f" {best.cost_error:.1e}, abscissa {best.abscissa:.3g} rad/s. Scale the signals, or weight all modes."
+        )
+    return replace(best, X=np.asarray(best.X, dtype=float), stages=tuple(stages))
+
+
+def _continuous_starts(problem: RiccatiProblem) -> Iterator[Start]:
+    """Yield solutions in modal coordinates, accurate for light damping and fine meshes, and in scaled ones."""
+    for name, coordinates in (("modal", _modal), ("scaled", _scaled)):
+        change = coordinates(*problem.shifted)
+        if change is None:
+            yield f"{name} coordinates: none", None, None
+            continue
+        X = _by_schur_vectors(*problem.shifted, change)
+        yield f"{name} coordinates: SLICOT SB02MD{' failed' if X is None else ''}", X, partial(_continuous_step, change)
+
 
 def _modal(A: Array, acting: Array, Q: Array) -> Change | None:
     """Return real eigenvectors, scaled so that each mode is coupled equally to controls and weight.
@@ -167,47 +214,7 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
     return np.diag(d), np.diag(1.0 / d)
 
 
-def continuous_solutions(problem: RiccatiProblem) -> Iterator[tuple[str, RiccatiSolution | None]]:
-    """Yield solutions in modal coordinates, accurate for light damping and fine meshes, and in scaled ones."""
-    shifted = problem.shifted
-    for name, coordinates in (("modal", _modal), ("scaled", _scaled)):
-        change = coordinates(*shifted)
-        if change is None:
-            yield f"{name} coordinates: none", None
-            continue
-        X = _start(*shifted, change)
-        result = None if X is None else refined(problem, X, partial(_newton_step, change))
-        yield f"{name} coordinates: SLICOT SB02MD{' failed' if X is None else ''}", result
-
-
-def best_solution(solutions: Iterable[tuple[str, RiccatiSolution | None]], what: str) -> RiccatiSolution:
-    """Return the first solution far below the largest errors, otherwise the most accurate one.
-
-    Raises
-    ------
-    SynthesisError
-        If there is none, or if it is not accurate enough.
-    """
-    results, stages = [], []
-    for stage, result in solutions:
-        stages.append(stage)
-        results += [] if result is None else [result]
-        if result is not None and result.relative_error <= _ACCEPTED:
-            break
-    best = min(results, key=lambda result: result.relative_error, default=None)
-    if best is None or best.relative_error == np.inf:
-        raise SynthesisError(
-            f"No stabilizing solution of {what} was found: eigenvalues are too close to the stability boundary."
-        )
-    if not best.relative_error <= 1.0:
-        raise SynthesisError(
-            f"The solution of {what} is not accurate enough: relative residual {best.residual:.1e}, cost error"
-            f" {best.cost_error:.1e}, abscissa {best.abscissa:.3g} rad/s. Scale the signals, or weight all modes."
-        )
-    return replace(best, X=np.asarray(best.X, dtype=float), stages=tuple(stages))
-
-
-def _start(A: Array, acting: Array, Q: Array, change: Change) -> Array | None:
+def _by_schur_vectors(A: Array, acting: Array, Q: Array, change: Change) -> Array | None:
     """Return the solution by Schur vectors in other coordinates; None if that fails."""
     T, inverse = change
     A, B, Q = inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T)
@@ -218,7 +225,7 @@ def _start(A: Array, acting: Array, Q: Array, change: Change) -> Array | None:
     return even(inverse.T @ Z @ inverse) if np.isfinite(Z).all() else None
 
 
-def refined(problem: RiccatiProblem, X: Array, newton: Newton) -> RiccatiSolution:
+def _refined(problem: RiccatiProblem, X: Array, newton: Newton) -> RiccatiSolution:
     """Return a solution after as many Newton steps as improve it; it is exactly zero for states without a cost."""
     costly = np.outer(problem.costly, problem.costly)
     best, step = _assessed(problem, X * costly, newton, False)
@@ -245,7 +252,7 @@ def _assessed(problem: RiccatiProblem, X: Array, newton: Newton, near: bool) -> 
     return RiccatiSolution(X, gain, poles, error, cost_error, abscissa), step
 
 
-def _newton_step(change: Change, closed: Array, residual: Array, _: Array | None) -> Array:
+def _continuous_step(change: Change, closed: Array, residual: Array, _: Array | None) -> Array:
     """Return the solution of the Lyapunov equation of a loop, solved in other coordinates."""
     T, inverse = change
     balanced, d = balance(inverse @ closed @ T)
@@ -257,6 +264,52 @@ def _scaled_norm(step: Array, cost: Array) -> float:
     """Return the norm of a change of a solution, each state scaled by its own cost."""
     inverse = 1.0 / np.sqrt(np.where(cost > 0.0, cost, np.inf))
     return float(np.linalg.norm(step * np.outer(inverse, inverse), 2)) if len(step) else 0.0
+
+
+def _discrete_starts(problem: RiccatiProblem) -> Iterator[Start]:
+    """Yield solutions by doubling, and by Schur vectors for modes without weight that must be stabilized."""
+    p = problem
+    for name, solver in (
+        ("structure-preserving doubling", lambda: _by_doubling(p)),
+        ("SciPy, extended pencil", lambda: linalg.solve_discrete_are(p.A, p.B, p.Q, p.R, s=p.N)),
+    ):
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):  # of what is not stabilized
+                X = even(solver()).astype(np.longdouble if len(p.A) <= _MAX_EXTENDED else float)
+        except ValueError:  # Also `numpy.linalg.LinAlgError`.
+            X = None
+        yield name, X if X is not None and np.isfinite(X).all() else None, _discrete_step
+
+
+def _by_doubling(p: RiccatiProblem) -> Array:
+    """Return the cost of two, four, eight and more steps; modes without weight are not stabilized."""
+    A, acting, H = p.shifted
+    G, one = acting @ acting.T, np.eye(len(A))
+    for _ in range(_MAX_DOUBLINGS):
+        solved = np.linalg.solve(one + G @ H, np.hstack([A, G]))
+        onward, spread = solved[:, : len(A)], solved[:, len(A) :]
+        more = A.T @ H @ onward
+        G, H, A = even(G + A @ spread @ A.T), even(H + more), A @ onward
+        if not np.abs(more).max() > EPS * np.abs(H).max():
+            break
+    return H
+
+
+def _discrete_step(closed: Array, residual: Array, cost: Array | None) -> Array:
+    """Return the solution of the equation of a loop, with each state scaled by its own cost if these are given."""
+    d = balance(closed)[1] if cost is None else 1.0 / np.sqrt(np.where(cost > 0.0, cost, 1.0))
+    return even(_summed(closed * d / d[:, None], even(residual) * np.outer(d, d))) / np.outer(d, d)
+
+
+def _summed(A: Array, R: Array) -> Array:
+    """Return ``R + A^T R A + A^T^2 R A^2 + ...`` for stable ``A``, doubling the number of terms (Smith 1968)."""
+    total, power = R, A
+    for _ in range(_MAX_DOUBLINGS):
+        more = power.T @ total @ power
+        total, power = total + more, power @ power
+        if np.abs(more).max() <= EPS * np.abs(total).max():
+            break
+    return total
 
 
 def even(matrix: Array) -> Array:
