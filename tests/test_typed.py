@@ -1,9 +1,9 @@
 """What editors and type checkers know of the public names: the stub is in step, and no type is Any or Unknown."""
 
 import ast
+import doctest
 import json
 import re
-import shutil
 import subprocess
 import sys
 from dataclasses import fields
@@ -19,9 +19,10 @@ import boomctl
 from boomctl import lazy
 from boomctl.boom.parameters import BoomChanges
 from boomctl.rotating_beam.parameters import HubBeamChanges
+from tests.test_docs import BESIDE
+from tests.test_public_names import PACKAGES, _members
 
 PACKAGE = Path(boomctl.__file__).parent
-SCRIPT = Path(__file__).with_name("user_script.py")
 
 
 STUBS = sorted(PACKAGE.rglob("__init__.pyi"))
@@ -100,12 +101,6 @@ def test_the_package_says_that_it_is_typed():
     assert (PACKAGE / "py.typed").exists()
 
 
-def test_the_users_script_uses_every_public_name():
-    used = set(re.findall(r"\bbc\.(\w+)", SCRIPT.read_text()))
-    packages = {path.parent.name for path in PACKAGE.glob("*/__init__.pyi")} | {"exceptions", "maneuvers"}
-    assert used == set(boomctl.__all__) | packages
-
-
 @pytest.mark.parametrize(
     ("keywords", "parameters"), [(BoomChanges, boomctl.BoomParameters), (HubBeamChanges, boomctl.HubBeamParameters)]
 )
@@ -113,32 +108,70 @@ def test_keywords_of_a_factory_are_its_parameters(keywords, parameters):
     assert get_type_hints(keywords) == {field.name: field.type for field in fields(parameters)}
 
 
-@pytest.mark.slow  # a type checker's start and one pass over all that is public: 7 s
+def _public():
+    """Yield each public function and class once, and how users name it."""
+    met = set()
+    for room in ("", *PACKAGES, *BESIDE):
+        module = import_module(f"boomctl.{room}".rstrip("."))
+        for name in module.__all__:
+            if callable(value := getattr(module, name)) and value not in met:
+                met.add(value)
+                yield value, f"{room}.{name}".lstrip(".")
+
+
+def _script():
+    """Return a script with each line's name: types of public functions and of members of classes, and all examples."""
+    lines = [("", "import boomctl as bc, control"), ("", "from typing import reveal_type")]
+    lines += [("", "def made(*given, **named) -> control.StateSpace: ...")]  # python-control leaves open what it makes
+    for value, name in _public():
+        if isinstance(value, type):
+            members = [member.partition("(")[0] for member in _members(value)]
+            lines.append((name, f"def of_{name.replace('.', '_')}(x: bc.{name}):"))
+            lines += [(f"{name}.{member}", f"    reveal_type(x.{member})") for member in members] + [(name, "    ...")]
+        else:
+            lines.append((name, f"reveal_type(bc.{name})"))
+        for example in doctest.DocTestFinder(exclude_empty=True).find(value, name):
+            sources = re.sub(r"control\.\w+\(", "made(", "".join(each.source for each in example.examples))
+            body = [f"    {line}" for line in sources.splitlines()]
+            lines += [(name, line) for line in (f"def {example.name.replace('.', '_')}_is_called():", *body, "    ...")]
+    return lines
+
+
+# what users hand over themselves, what depends on it, and axes of pictures that have one or several
+OPEN = {
+    *("exchange.ControllerMetadata.certificate", "exchange.ControllerMetadata.provenance", "slew.TrackedSlew.plant"),
+    *("identification.FitResult.model", "identification.FitResult.parameters", "slew.TrackedSlew.sensors"),
+    *("structure.SecondOrderModel.selection", "slew.SlewResult.plan", "analysis.PoleZeroResult.response"),
+    *(f"studies.{name}.results" for name in ("MachineDesign", "SlewDesign", "SuspensionDesign")),
+    *("rotating_beam.CampbellDiagram.plot", "synthesis.HInfinityResult.plot", "tuning.TuneResult.plot"),
+    *(f"analysis.{name}.plot" for name in ("Comparison", "ModeTable", "PoleZeroResult")),
+    *("analysis.NyquistResult.plot", "analysis.NyquistStability.plot"),
+}
+LISTS = {"boom.PlatformMotion", "boom.Track"}  # records whose arrays may be given as lists, which their fields are not
+
+
+@pytest.mark.slow  # a type checker's start and one pass over all that is public: 10 s
 @pytest.mark.skipif(find_spec("pyright") is None, reason="pyright is not installed (pip install '.[dev]')")
-def test_a_type_checker_knows_every_type_in_the_users_script(tmp_path):
-    # in a folder of its own: a user's type checker does not read this repository's settings
-    shutil.copy(SCRIPT, tmp_path)
-    misspelled = tmp_path / "misspelled.py"
-    misspelled.write_text("import boomctl as bc\n\nbc.spray_boom(lengths=13.0)\nbc.hub_beam(tip_mas=1.0)\n")
+def test_a_type_checker_knows_every_public_type(tmp_path):
+    """What functions return and what members are; arguments of examples fit, and misspelled ones do not."""
+    lines = [*_script(), ("wrong", "bc.spray_boom(lengths=13.0)"), ("wrong", "bc.hub_beam(tip_mas=1.0)")]
+    script = tmp_path / "public.py"  # in a folder of its own: a user's type checker has not this repository's settings
+    script.write_text("\n".join(line for _, line in lines))
     (tmp_path / "pyrightconfig.json").write_text(json.dumps({"extraPaths": [str(PACKAGE.parent)]}))
-    words = [
-        sys.executable,
-        "-m",
-        "pyright",
-        "--pythonpath",
-        sys.executable,
-        "--outputjson",
-        SCRIPT.name,
-        misspelled.name,
-    ]
+    words = [sys.executable, "-m", "pyright", "--pythonpath", sys.executable, "--outputjson", script.name]
     done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
-    found = json.loads(done.stdout)["generalDiagnostics"]
-    errors = [(Path(entry["file"]).name, entry["message"]) for entry in found if entry["severity"] == "error"]
-    assert [file for file, _ in errors] == [misspelled.name] * 2
-    assert '"lengths"' in errors[0][1]
-    assert '"hub_beam"' in errors[1][1]  # none of its overloads
-    revealed = [entry["message"] for entry in found if entry["severity"] == "information"]
-    assert len(revealed) == SCRIPT.read_text().count("reveal_type(")
-    # an array's shape and kind of numbers stay open; everything else is known
-    known = [re.sub(r"ndarray\[(tuple\[Any, \.\.\.\]|Any), (dtype\[Any\]|Any)\]", "ndarray", text) for text in revealed]
-    assert not [text for text in known if re.search(r"\b(Any|Unknown)\b", text.partition('" is "')[2])]
+    types, refused = {}, {}
+    for entry in json.loads(done.stdout)["generalDiagnostics"]:
+        (name, _), text = lines[entry["range"]["start"]["line"]], entry["message"]
+        if text.startswith("Type of "):
+            # an array's shape and kind of numbers stay open, and what else arguments may be
+            text = re.sub(r"ndarray\[(tuple\[Any, \.\.\.\]|Any), (dtype\[Any\]|Any)\]|slice\[Any, Any, Any\]", "", text)
+            types[name] = text.partition('" is "')[2].rpartition(") -> ")[2]
+        elif entry.get("rule") in ("reportArgumentType", "reportCallIssue") and '"__getitem__"' not in text:
+            refused.setdefault(name, []).append(text)
+    lengths, overloads = refused.pop("wrong")
+    assert '"lengths"' in lengths
+    assert '"hub_beam"' in overloads
+    assert {*refused} == LISTS, refused
+    assert len(types) == sum("reveal_type(" in line for _, line in lines)
+    assert {name for name, text in types.items() if re.search(r"\b(Any|Unknown)\b", text)} == OPEN

@@ -70,7 +70,7 @@ class Footprint:
         nonnegative("thickness", self.thickness)
         known("shape", self.shape, _SHAPES)
 
-    def cumulative(self, offset: Array) -> Array:
+    def cumulative(self, offset: ArrayLike) -> Array:
         """Return the fraction of a nozzle's spray that falls left of ``x_nozzle + offset``.
 
         Parameters
@@ -83,7 +83,7 @@ class Footprint:
         float or ndarray
             From 0 to 1, in the shape of ``offset``.
         """
-        s = np.clip(offset / self.width, -0.5, 0.5)
+        s = np.clip(np.divide(offset, self.width), -0.5, 0.5)
         return 0.5 + (s if self.shape == "box" else 2.0 * s * (1.0 - np.abs(s)))
 
 
