@@ -1,0 +1,40 @@
+"""Tables of refusals: a row holds a call and the words in which it is refused, a regular expression.
+
+Rows are ``CALL -> WORDS``; an indented line continues a row, ``#`` begins a comment.  A call may use all public names and
+those of its file.  Tables are for combinations of arguments: `tests.fuzz` tries wrong kinds, shapes and numbers in every
+argument of every public function.
+"""
+
+import re
+from dataclasses import replace
+from importlib import import_module
+
+import control
+import numpy as np
+import pytest
+
+import boomctl as bc
+from tests import handed_out
+from tests.test_public_names import PACKAGES
+
+ERRORS = (TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
+NAMES = {"bc": bc, "control": control, "np": np, "one": handed_out, "replace": replace, "T": bc.tunable}
+for _room in map(import_module, (f"boomctl.{name}" for name in (*PACKAGES, "maneuvers"))):
+    NAMES |= {name: getattr(_room, name) for name in _room.__all__}
+
+
+def refusals(quick, slow=""):
+    """Return the decorator that gives a test the rows of a table one by one, and in slow runs those of another."""
+    rows = [
+        pytest.param(call, words, marks=marks, id=re.sub(r"\W+", " ", words)[:40])
+        for table, marks in ((quick, ()), (slow, pytest.mark.slow))
+        for call, words in re.findall(r"^(?![# \n])(.+?(?:\n +.+?)*?)\s+-> (.+)$", table, flags=re.MULTILINE)
+    ]
+    return pytest.mark.parametrize(("call", "words"), rows)
+
+
+def assert_refused(call, words, names):
+    """Assert that a call is refused in one line, in the words of its row; names are those of the table's file."""
+    with np.errstate(all="ignore"), pytest.raises(ERRORS, match=words) as refused:
+        eval(call, NAMES | names)
+    assert "\n" not in str(refused.value)
