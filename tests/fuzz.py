@@ -12,7 +12,6 @@ import signal
 import warnings
 from fractions import Fraction
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -22,8 +21,8 @@ import boomctl as bc
 import boomctl.structure as bs
 from tests import handed_out as one
 from tests.docstrings import sections
+from tests.public import public
 from tests.stress.cases import raised_by_boomctl
-from tests.test_public_names import PACKAGES
 
 LONGEST = 20.0  # s of processor time that a call may take: what a user waits without asking
 SHORT = 5.0  # [s], of what takes a time limit
@@ -229,14 +228,14 @@ NOT_CALLED |= {f"slew.{name}" for name in ("spin_up_torque", "rest_to_rest_torqu
 NOT_CALLED |= {"slew.input_shaper", "slew.switching_function"}
 
 
-def public():
-    """Return the names of public functions and records, those of packages with the name of the package."""
-    found = {*bc.__all__, *RECORDS}
-    for package in (*PACKAGES, "exchange", "maneuvers", "studies", "tunable"):
-        module = import_module(f"boomctl.{package}")
-        functions = {name for name in module.__all__ if inspect.isfunction(getattr(module, name))} - {*bc.__all__}
-        found |= {f"{package}.{name}" for name in (module.__all__ if package in WHOLE else functions)}
-    return sorted(found - NOT_CALLED)
+def called():
+    """Return the names of public functions and records that are called."""
+    found = {
+        name
+        for name, value in public().items()
+        if "." not in name or inspect.isfunction(value) or name.partition(".")[0] in WHOLE
+    }
+    return sorted((found | RECORDS) - NOT_CALLED)
 
 
 # what Ctrl-C or an error of the user's own function would end is not tried: what it raises is raised

@@ -7,7 +7,6 @@ argument of every public function.
 
 import re
 from dataclasses import replace
-from importlib import import_module
 
 import control
 import numpy as np
@@ -15,12 +14,11 @@ import pytest
 
 import boomctl as bc
 from tests import handed_out
-from tests.test_public_names import PACKAGES
+from tests.public import public
 
 ERRORS = (TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
 NAMES = {"bc": bc, "control": control, "np": np, "one": handed_out, "replace": replace, "T": bc.tunable}
-for _room in map(import_module, (f"boomctl.{name}" for name in (*PACKAGES, "maneuvers"))):
-    NAMES |= {name: getattr(_room, name) for name in _room.__all__}
+NAMES |= {name.rpartition(".")[2]: value for name, value in public().items() if "." in name}
 
 
 def refusals(quick, slow=""):

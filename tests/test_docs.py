@@ -16,35 +16,12 @@ import matplotlib.pyplot as plt
 import pytest
 
 import boomctl
-import boomctl.structure
-import boomctl.tunable
 from tests.docstrings import sections
-from tests.test_public_names import EXCEPTIONS, PACKAGES
+from tests.public import EXCEPTIONS, HANDED_OUT, functions, public, records
 
 pytestmark = pytest.mark.early
 
 DOCS = Path(__file__).parents[1] / "docs"
-
-HANDED_OUT = (  # classes of what functions and results hold, which are exported nowhere
-    ("report", "Report"),
-    ("structure.families", "Slope"),
-    ("structure.parts", "Ground"),
-    ("studies.evaluation", "Finding"),
-    ("studies.machine", "MachineResult"),
-    ("studies.slew", "SlewEvaluation"),
-    ("studies.suspension.design", "SuspensionResult"),
-    ("studies.suspension.performance", "Performance"),
-    ("studies.sweeps.result", "FailedPoint"),
-    ("studies.sweeps.result", "SweepResult"),
-    ("synthesis.hinf.bounds", "Bounds"),
-    ("synthesis.lq.riccati", "RiccatiSolution"),
-)
-BESIDE = (
-    "exchange",
-    "maneuvers",
-    "studies",
-    "tunable",
-)  # packages whose names are listed, beside those whose members are frozen
 
 
 def _pages():
@@ -79,49 +56,14 @@ def _listed():
 
 
 def test_every_public_name_stands_on_one_page():
-    packages = [(name, importlib.import_module(f"boomctl.{name}")) for name in (*PACKAGES, *BESIDE)]
-    tops = [getattr(boomctl, name) for name in boomctl.__all__]
-    parts = {
-        f"{name}.{part}" for name, package in packages for part in package.__all__ if getattr(package, part) not in tops
-    }
-    handed_out = {f"{module}.{name}" for module, name in HANDED_OUT}
     raised = {f"exceptions.{name}" for name in EXCEPTIONS}
-    assert sorted(_listed()) == sorted({*boomctl.__all__, *parts, *handed_out, *raised} - {"__version__"})
-
-
-def _public():
-    """Yield what users are handed by name: the name and the function or class."""
-    for module in (
-        boomctl,
-        boomctl.structure,
-        boomctl.tunable,
-        *(importlib.import_module(f"boomctl.{name}") for name in PACKAGES),
-    ):
-        for name in module.__all__:
-            if callable(value := getattr(module, name)):
-                yield f"{module.__name__}.{name}", value
-    for module, name in HANDED_OUT:
-        yield f"boomctl.{module}.{name}", getattr(importlib.import_module(f"boomctl.{module}"), name)
-
-
-@cache
-def _functions():
-    """Return the public functions, each with its shortest name."""
-    return {value: name for name, value in reversed([*_public()]) if not isinstance(value, type)}
-
-
-@cache
-def _records():
-    """Return the public classes but the errors, each with its name."""
-    return {
-        value: value.__name__ for _, value in _public() if isinstance(value, type) and not issubclass(value, Exception)
-    }
+    assert sorted(_listed()) == sorted({*public(), *HANDED_OUT, *raised} - {"__version__"})
 
 
 def _methods():
     """Yield the public methods of what users are handed, each where it is written, its name, and whether it is bound."""
     seen = set()
-    for owner in _records():
+    for owner in records():
         for name in dir(owner):
             value = inspect.getattr_static(owner, name)
             bound = not isinstance(value, staticmethod)
@@ -144,7 +86,7 @@ def _bare(said, *titles):
 
 def test_functions_say_what_they_take_and_what_they_return():
     """Every argument in words, and of what is returned more than its type."""
-    for function, name, bound in [*((value, name, False) for value, name in _functions().items()), *_methods()]:
+    for function, name, bound in [*((value, name, False) for value, name in functions().items()), *_methods()]:
         said = sections(function)
         assert _names(said.get("Parameters", [])) == set(list(inspect.signature(function).parameters)[bound:]), name
         assert said["Returns"], name
@@ -153,7 +95,7 @@ def test_functions_say_what_they_take_and_what_they_return():
 
 def test_functions_have_examples_and_raises():
     """From the import on, and by the name that users know; what takes something refuses something."""
-    for function, name in _functions().items():
+    for function, name in functions().items():
         assert sections(function).get("Raises") or not inspect.signature(function).parameters, name
         shown = doctest.DocTestParser().get_examples(function.__doc__)
         assert shown, name
@@ -162,7 +104,7 @@ def test_functions_have_examples_and_raises():
 
 
 def test_classes_say_what_their_fields_are():
-    for owner, name in _records().items():
+    for owner, name in records().items():
         said = sections(owner)
         fields = {field.name for field in dataclasses.fields(owner)} if dataclasses.is_dataclass(owner) else set()
         fields = {field for field in fields if not field.startswith("_")}
@@ -181,7 +123,7 @@ def test_the_examples_of_docstrings_run():
             if example.examples:
                 tried.add(example.name)
                 assert not doctest.DocTestRunner().run(example).failed, example.name
-    assert not {f"{function.__module__}.{function.__qualname__}" for function in _functions()} - tried
+    assert not {f"{function.__module__}.{function.__qualname__}" for function in functions()} - tried
 
 
 @pytest.mark.slow

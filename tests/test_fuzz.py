@@ -15,7 +15,7 @@ from tests.profiles import examples
 NOT_LOOKED_AT = {"order", "notes", "sections", "listener"}
 # tried in a file of their own share: a call takes a hundred times as long as that of others
 SLOW = ("optimal_slew", "h_infinity", "tune", "analysis.robust_stability_margin", "boom.yaw_family")
-QUICK = [name for name in (*fuzz.public(), *fuzz.METHODS) if name not in SLOW]
+QUICK = [name for name in (*fuzz.called(), *fuzz.METHODS) if name not in SLOW]
 
 
 @pytest.fixture(autouse=True, scope="module")

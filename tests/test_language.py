@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_docs import _functions
+from tests.public import functions
 
 ROOT = Path(__file__).parents[1]
 BANNED = (
@@ -51,7 +51,7 @@ def test_docstrings_of_public_functions_are_numpydoc():
     from numpydoc.validate import validate
 
     found = {}
-    for function, name in _functions().items():
+    for function, name in functions().items():
         errors = validate(f"{function.__module__}.{function.__qualname__}")["errors"]
         if wrong := [error for error in errors if NUMPYDOC.fullmatch(error[0])]:
             found[name] = wrong

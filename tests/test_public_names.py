@@ -8,15 +8,11 @@
 import difflib
 import inspect
 import re
-from importlib import import_module
 from pathlib import Path
 
-import numpy as np
-
 import boomctl
-import boomctl.structure
-import boomctl.tunable
 from boomctl import exceptions
+from tests.public import EXCEPTIONS, members, parameters, public
 
 STORED = Path(__file__).with_name("public_names.txt")
 _VAGUE = {"chance", "each", "path", "place", "share", "statement"}
@@ -27,84 +23,20 @@ _ADJECTIVES = {
     "fixed", "followed", "proved", "recovered", "reduced", "scaled", "verified",
 }  # fmt: skip
 
-# where the models and results that users are handed are exported; their members are listed under the bare class name
-PACKAGES = (
-    "structure",
-    "boom",
-    "rotating_beam",
-    "analysis",
-    "identification",
-    "reduction",
-    "synthesis",
-    "tuning",
-    "simulation",
-    "slew",
-)
-
-EXCEPTIONS = {name: value for name, value in vars(exceptions).items() if isinstance(value, type)}
-
-
-def _default(value):
-    if value is inspect.Parameter.empty:
-        return ""
-    if value is None or isinstance(value, (bool, int, float, str, tuple)):
-        return f"={value!r}"
-    return "=..." if isinstance(value, np.ndarray) else f"=<{type(value).__name__}>"
-
-
-def _parameters(function, bound):
-    """Return the parameters of a function as they are written in a call: names, stars and defaults."""
-    words, keyword_only = [], False
-    for parameter in list(inspect.signature(function).parameters.values())[bound:]:
-        if parameter.kind is parameter.KEYWORD_ONLY and not keyword_only:
-            keyword_only = True
-            words.append("*")
-        star = {parameter.VAR_POSITIONAL: "*", parameter.VAR_KEYWORD: "**"}.get(parameter.kind, "")
-        keyword_only = keyword_only or star == "*"
-        words.append(f"{star}{parameter.name}{_default(parameter.default)}")
-    return f"({', '.join(words)})"
-
-
-def _members(owner):
-    """Return a class's public members: fields and properties by name, methods with their parameters."""
-    found = {name: "" for name in getattr(owner, "__dataclass_fields__", {}) if not name.startswith("_")}
-    for name in dir(owner):
-        value = inspect.getattr_static(owner, name)
-        home = next((base for base in owner.__mro__ if name in vars(base)), owner)
-        if name.startswith("_") or name in found or not home.__module__.startswith("boomctl"):
-            continue
-        if isinstance(value, (classmethod, staticmethod)):
-            found[name] = _parameters(getattr(owner, name), bound=0)
-        else:
-            found[name] = _parameters(value, bound=1) if inspect.isfunction(value) else ""
-    return [name + parameters for name, parameters in found.items()]
-
 
 def _lines():
-    lines = []
-    classes = {}
-    named = [(exceptions, name) for name in EXCEPTIONS]
-    named += [(module, name) for module in (boomctl, boomctl.structure, boomctl.tunable) for name in module.__all__]
-    for package in (*PACKAGES, "exchange", "maneuvers", "studies"):
-        module = import_module(f"boomctl.{package}")
-        functions = [
-            name for name in module.__all__ if package == "studies" or inspect.isfunction(getattr(module, name))
-        ]
-        named += [(module, name) for name in functions if name not in boomctl.__all__]
-    for module, name in named:
-        value = getattr(module, name)
-        if isinstance(value, type):
-            classes[name] = value
-        refused = isinstance(value, type) and issubclass(value, Exception)
-        parameters = _parameters(value, bound=0) if callable(value) and not refused else ""
-        lines.append(f"{module.__name__}.{name}{parameters}")
-    for package in PACKAGES:
-        module = import_module(f"boomctl.{package}")
-        classes |= {name: getattr(module, name) for name in module.__all__ if isinstance(getattr(module, name), type)}
-    classes["GeometricallyExactBeam"] = type(boomctl.hub_beam(model="geometrically-exact", modes=1))
-    for name, owner in classes.items():
-        lines += [f"{name}.{member}" for member in _members(owner)]
-    return sorted(set(lines))
+    structure = {f"structure.{name}": getattr(boomctl.structure, name) for name in boomctl.structure.__all__}
+    named = {f"exceptions.{name}": value for name, value in EXCEPTIONS.items()} | structure | public()
+    lines, classes = [], {"GeometricallyExactBeam": type(boomctl.hub_beam(model="geometrically-exact", modes=1))}
+    for name, value in named.items():
+        room, _, last = name.rpartition(".")
+        made = isinstance(value, type) and not issubclass(value, Exception)
+        if isinstance(value, type) and room not in ("exchange", "maneuvers"):
+            classes[last] = value
+        if inspect.isfunction(value) or room in ("", "structure", "studies", "tunable", "exceptions"):
+            words = parameters(value, bound=0) if inspect.isfunction(value) or made else ""
+            lines.append(f"boomctl.{name}{words}")
+    return sorted({*lines, *(f"{name}.{member}" for name, owner in classes.items() for member in members(owner))})
 
 
 def test_public_names_are_frozen():

@@ -19,8 +19,7 @@ import boomctl
 from boomctl import lazy
 from boomctl.boom.parameters import BoomChanges
 from boomctl.rotating_beam.parameters import HubBeamChanges
-from tests.test_docs import BESIDE
-from tests.test_public_names import PACKAGES, _members
+from tests.public import members, public
 
 PACKAGE = Path(boomctl.__file__).parent
 
@@ -108,28 +107,19 @@ def test_keywords_of_a_factory_are_its_parameters(keywords, parameters):
     assert get_type_hints(keywords) == {field.name: field.type for field in fields(parameters)}
 
 
-def _public():
-    """Yield each public function and class once, and how users name it."""
-    met = set()
-    for room in ("", *PACKAGES, *BESIDE):
-        module = import_module(f"boomctl.{room}".rstrip("."))
-        for name in module.__all__:
-            if callable(value := getattr(module, name)) and value not in met:
-                met.add(value)
-                yield value, f"{room}.{name}".lstrip(".")
-
-
 def _script():
     """Return a script with each line's name: types of public functions and of members of classes, and all examples."""
     lines = [("", "import boomctl as bc, control"), ("", "from typing import reveal_type")]
     lines += [("", "def made(*given, **named) -> control.StateSpace: ...")]  # python-control leaves open what it makes
-    for value, name in _public():
+    for name, value in public().items():
         if isinstance(value, type):
-            members = [member.partition("(")[0] for member in _members(value)]
+            own = [member.partition("(")[0] for member in members(value)]
             lines.append((name, f"def of_{name.replace('.', '_')}(x: bc.{name}):"))
-            lines += [(f"{name}.{member}", f"    reveal_type(x.{member})") for member in members] + [(name, "    ...")]
-        else:
+            lines += [(f"{name}.{member}", f"    reveal_type(x.{member})") for member in own] + [(name, "    ...")]
+        elif callable(value):
             lines.append((name, f"reveal_type(bc.{name})"))
+        else:
+            continue
         for example in doctest.DocTestFinder(exclude_empty=True).find(value, name):
             sources = re.sub(r"control\.\w+\(", "made(", "".join(each.source for each in example.examples))
             body = [f"    {line}" for line in sources.splitlines()]
