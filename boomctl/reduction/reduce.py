@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from math import inf
 from typing import TYPE_CHECKING
 
@@ -15,12 +16,12 @@ from boomctl.lti.system import Lti, of
 from boomctl.progress import Listener, computing, tell
 from boomctl.reduction.reducers import (
     MINIMAL,
-    BalancedTruncation,
-    HankelApproximation,
     ModalTruncation,
-    SingularPerturbation,
     StateReducer,
     StrongestModes,
+    nearest,
+    perturbed,
+    truncated,
 )
 from boomctl.reduction.result import ReductionResult
 from boomctl.reduction.verify import Band, SystemParts, Verified
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
     import control
 
 METHODS = {
-    "balanced": BalancedTruncation,
-    "singular-perturbation": SingularPerturbation,
-    "hankel": HankelApproximation,
+    "balanced": partial(StateReducer, truncated),
+    "singular-perturbation": partial(StateReducer, perturbed),
+    "hankel": partial(StateReducer, nearest),
     "modal": ModalTruncation,
     "second-order": StrongestModes,
 }
@@ -171,7 +172,7 @@ def _reduced(
         error_norm=error.upper_bound,
         method=method,
         certificate=replace(error, peak_omega=peak_omega),
-        hankel_singular_values=reducer.values,
+        hankel_singular_values=reducer.form.values,
         retained_order=len(parts.retained.A),
         stages=(coordinates, UNREDUCED) if error is _NO_ERROR else (coordinates,),
         omega_range=band,
@@ -189,10 +190,7 @@ def _band_of_image(system: Lti, band: Band) -> Band:
 
 
 def _states(system: Lti | SecondOrderModel) -> int:
-    if isinstance(system, Lti):
-        return len(system.A)
-    filters = 2 * sum(bandwidth is not None for bandwidth in system.ports.bandwidths)
-    return 2 * system.ncoordinates + sum(system.ports.integrators) + filters
+    return len((system if isinstance(system, Lti) else system._modal_form).A)
 
 
 def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti | SecondOrderModel, Verified]:

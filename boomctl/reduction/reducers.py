@@ -1,15 +1,14 @@
-"""The methods of reduction: one small class each, which differ in what they do with the states that go.
+"""The methods of reduction: functions that cut a balanced form, and two choices of modes.
 
 Three balance the system first, by square roots of its Gramians (Moore 1981; Tombs & Postlethwaite 1987), or of those of a
 band of frequencies (Gawronski & Juang 1990, the modified scheme; Gugercin & Antoulas 2004 for the bound); two choose among
-modes.  All tell a bound of their error beforehand.
+modes.  All but the choice of modes of a structure state a bound of their error beforehand.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from math import inf
-from typing import final
+from typing import TypeAlias
 
 import numpy as np
 from scipy import linalg
@@ -38,51 +37,104 @@ _MOMENTS = 4  # Number of compared Markov parameters; sufficient for the few ret
 
 @dataclass(frozen=True)
 class Balanced:
-    """A stable system whose Gramians are both ``diag(values)``, minimal; ``lost`` bounds the error of the truncation."""
+    """A stable system whose Gramians are both ``diag(values)``, minimal.
+
+    Attributes
+    ----------
+    system : Lti
+    values : ndarray
+        Hankel singular values, descending.
+    lost : float
+        Bound on the error of what is not minimal.
+    retained : int
+        Number of states in addition that are retained, for messages.
+    """
 
     system: Lti
     values: Array
     lost: float
+    retained: int
+
+    def bound(self, order: int) -> float:
+        """Return twice the sum of the truncated Hankel singular values, an error bound (Enns 1984, Glover 1984)."""
+        return 2.0 * float(self.values[order:].sum()) + self.lost
 
 
-def balance(system: Lti, modal: ModalSystem | None) -> Balanced:
+def balance(system: Lti, modal: ModalSystem | None, retained: int = 0) -> Balanced:
     """Return the balanced minimal form of a stable system; ``modal`` as in :func:`factors`."""
     if not len(system.A):
-        return Balanced(system, np.zeros(0), 0.0)
+        return Balanced(system, np.zeros(0), 0.0, retained)
     F, H = factors(system, modal)
     U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
     count = int((values > MINIMAL * values.max(initial=0.0)).sum())
     root = np.sqrt(values[:count])
     right, left = F @ Vt[:count].T / root, H @ U[:, :count] / root
     form = Lti(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
-    return Balanced(form, values[:count], 2.0 * float(values[count:].sum()))
+    return Balanced(form, values[:count], 2.0 * float(values[count:].sum()), retained)
 
 
-class Reducer:
-    """Base class of all reduction methods.
+def truncated(form: Balanced, order: int) -> tuple[Lti, float]:
+    """Return the leading states of the balanced form, and a bound on the error; exact at infinite frequency."""
+    s = form.system
+    return Lti(s.A[:order, :order], s.B[:order], s.C[:, :order], s.D), form.bound(order)
+
+
+def perturbed(form: Balanced, order: int) -> tuple[Lti, float]:
+    """Return the leading states, the others at rest (Liu & Anderson 1989), and a bound; exact at zero frequency."""
+    return residualised(form.system, order), form.bound(order)
+
+
+def nearest(form: Balanced, order: int) -> tuple[Lti, float]:
+    """Return the nearest stable system in the Hankel norm (Glover 1984, Int. J. Control 39, Theorems 6.3 and 9.7).
+
+    The Hankel norm of the error is the first truncated Hankel singular value, the minimum for any system of that order.
+    Its H-infinity norm is not the smallest: it may exceed that of balanced truncation.  Its bound, ``sigma_{r+1} + 2 sum of
+    the distinct later ones``, is the sum for an all-pass error and for the truncated antistable part.
+
+    Raises
+    ------
+    ValueError
+        If the Hankel singular value is repeated across the cut, so that there is no best system of this order.
+    """
+    values, n, r, kept = form.values, len(form.values), order, form.retained
+    if r >= n:
+        return form.system, form.lost
+    distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + ROOT)) + 1, [n]])
+    if r not in distinct:
+        low, high = int(distinct[distinct < r][-1]), int(distinct[distinct > r][0])
+        raise ValueError(
+            f"order {r + kept}: Hankel singular values {low + 1} to {high} are equal ({values[r]:.6g}), so that they "
+            f"stay or go together; take {low + kept} or {high + kept}"
+        )
+    sigma = float(values[r])
+    k = int((values[r:] >= sigma * (1.0 - ROOT)).sum())
+    parts = spectral_parts(_dilated(form, r, k, sigma))
+    if len(parts.rest.A) != r or len(parts.retained.A) != n - r - k:
+        raise ValueError(
+            f"order {r + kept}: the all-pass dilation has {len(parts.rest.A)} stable poles; Hankel singular values "
+            f"{values[r]:.3g} and its neighbors are too close"
+        )
+    return parts.rest, sigma + 2.0 * float(values[r + k :].sum()) + form.lost
+
+
+Cut: TypeAlias = Callable[[Balanced, int], tuple[Lti, float]]
+
+
+class StateReducer:
+    """A reduction in state space: the stable part is reduced and added to the retained part.
 
     Attributes
     ----------
     form : Balanced
-        Balanced form of the reduced part.
+        Balanced form of the stable part, weighted to the frequency range if there is one.
     """
 
-    def __init__(self, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        self.original, self.parts, self.band = model, parts, band
-        self.form = balance(parts.stable, parts.modal)
-
-    @property
-    def values(self) -> Array:
-        """Hankel singular values of the reduced part, descending."""
-        return self.form.values
-
-
-class StateReducer(Reducer, ABC):
-    """Base class of methods with a state-space result: the stable part is reduced and added to the retained part."""
-
-    @abstractmethod
-    def shortened(self, order: int) -> tuple[Lti, float]:
-        """Return the stable part in at most ``order`` states, and a bound on the error."""
+    def __init__(self, cut: Cut, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
+        self.cut, self.parts, self.band = cut, parts, band
+        stable, modal, self.weights = parts.stable, parts.modal, ()
+        if band is not None and len(stable.A):
+            stable, modal, *self.weights = weighted(stable, modal, band)
+        self.form = balance(stable, modal, len(parts.retained.A))
 
     def orders(self, error: float) -> Iterator[int]:
         """Yield the orders, ascending, retained part included, whose error may be at most ``error``.
@@ -90,8 +142,9 @@ class StateReducer(Reducer, ABC):
         The error of a system of order ``r`` is at least the Hankel singular value ``r + 1``.  Values below the square root of
         rounding have no accuracy, and count as zero.
         """
-        least = max(error, GRAMIANS * float(self.values.max(initial=0.0)))
-        fewest, retained = int((self.values > least).sum()) if self.band is None else 0, len(self.parts.retained.A)
+        values, retained = self.form.values, self.form.retained
+        least = max(error, GRAMIANS * float(values.max(initial=0.0)))
+        fewest = int((values > least).sum()) if self.band is None else 0
         yield from range(retained + fewest, retained + len(self.parts.stable.A) + 1)
 
     def reduced(self, order: int) -> tuple[Lti, Verified]:
@@ -104,111 +157,23 @@ class StateReducer(Reducer, ABC):
         ReductionError
             If the error exceeds its bound or could not be verified.
         """
-        retained = self.parts.retained
-        if order < len(retained.A):
+        retained, stable = self.form.retained, self.parts.stable
+        if order < retained:
             raise ValueError(
-                f"order = {order}: {len(retained.A)} unstable, undamped or rigid-body states are kept, so at least that"
+                f"order = {order}: {retained} unstable, undamped or rigid-body states are kept, so at least that"
             )
         try:
-            stable, bound = self.shortened(min(order - len(retained.A), len(self.parts.stable.A)))
+            smaller, bound = self.cut(self.form, min(order - retained, len(stable.A)))
         except np.linalg.LinAlgError:
             raise ReductionError(
                 f"order {order}: the truncated states have no static response; use 'balanced'"
             ) from None
-        small, result = verified(self.parts, stable, bound, self.band)
-        return parallel(retained, small), result
-
-
-class GramianReducer(StateReducer):
-    """A method that needs the balanced form of the stable part, possibly weighted to a frequency range."""
-
-    def __init__(self, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(model, parts, band)
-        self.weights: tuple[Array, Array] | None = None
-        if band is not None and len(parts.stable.A):
-            stable, modal, T, R = weighted(parts.stable, parts.modal, band)
-            self.weights, self.form = (T, R), balance(stable, modal)
-
-    def shortened(self, order: int) -> tuple[Lti, float]:
-        """Return the stable part in at most ``order`` states, and a bound on the error."""
-        smaller, bound = self.cut(order)
-        if self.weights is None:
-            return smaller, bound
-        T, R = self.weights
-        restored = Lti(smaller.A, smaller.B @ T, R @ smaller.C, self.parts.stable.D + R @ smaller.D @ T)
-        return restored, bound * float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
-
-    @abstractmethod
-    def cut(self, order: int) -> tuple[Lti, float]:
-        """Return the balanced form in at most ``order`` states, and a bound on the error."""
-
-    def twice_the_rest(self, order: int) -> float:
-        """Return twice the sum of the truncated Hankel singular values, an error bound (Enns 1984, Glover 1984)."""
-        return 2.0 * float(self.values[order:].sum()) + self.form.lost
-
-
-@final
-class BalancedTruncation(GramianReducer):
-    """Truncation of the weak states of the balanced form; exact at infinite frequency."""
-
-    def cut(self, order: int) -> tuple[Lti, float]:
-        """Return the leading states."""
-        s = self.form.system
-        return Lti(s.A[:order, :order], s.B[:order], s.C[:, :order], s.D), self.twice_the_rest(order)
-
-
-@final
-class SingularPerturbation(GramianReducer):
-    """Residualization of the weak states of the balanced form (Liu & Anderson 1989); exact at zero frequency."""
-
-    def cut(self, order: int) -> tuple[Lti, float]:
-        """Return the leading states, the others at rest."""
-        return residualised(self.form.system, order), self.twice_the_rest(order)
-
-
-@final
-class HankelApproximation(GramianReducer):
-    """The stable system nearest in the Hankel norm (Glover 1984, Int. J. Control 39, Theorems 6.3 and 9.7).
-
-    The Hankel norm of the error is the first truncated Hankel singular value, the minimum for any system of that order.
-    Its H-infinity norm is not the smallest: it may exceed that of balanced truncation.
-    """
-
-    def cut(self, order: int) -> tuple[Lti, float]:
-        """Return the nearest system, and ``sigma_{r+1} + 2 sum of the distinct later ones``.
-
-        The bound is the sum for an all-pass error and for the truncated antistable part.
-
-        Raises
-        ------
-        ValueError
-            If the Hankel singular value is repeated across the cut, so that there is no best system of this order.
-        """
-        values, balanced = self.values, self.form
-        n, r = len(values), order
-        if r >= n:
-            return balanced.system, balanced.lost
-        distinct = np.concatenate([[0], np.flatnonzero(values[:-1] > values[1:] * (1.0 + ROOT)) + 1, [n]])
-        retained = len(self.parts.retained.A)
-        if r not in distinct:
-            index = int(np.searchsorted(distinct, r))
-            low, high = int(distinct[index - 1]), int(distinct[index])
-            raise ValueError(
-                f"order {r + retained}: Hankel singular values {low + 1} to {high} are equal ({values[r]:.6g}), so that they "
-                f"stay or go together; take {low + retained} or {high + retained}"
-            )
-        sigma = float(values[r])
-        k = int((values[r:] >= sigma * (1.0 - ROOT)).sum())
-        dilated = _dilated(balanced, r, k, sigma)
-        parts = spectral_parts(dilated)
-        stable, antistable = parts.rest, parts.retained
-        if len(stable.A) != r or len(antistable.A) != n - r - k:
-            raise ValueError(
-                f"order {r + retained}: the all-pass dilation has {len(stable.A)} stable poles; Hankel singular values "
-                f"{values[r]:.3g} and its neighbors are too close"
-            )
-        bound = sigma + 2.0 * float(values[r + k :].sum()) + balanced.lost
-        return stable, bound
+        if self.weights:
+            T, R = self.weights
+            smaller = Lti(smaller.A, smaller.B @ T, R @ smaller.C, stable.D + R @ smaller.D @ T)
+            bound *= float(np.linalg.norm(R, 2) * np.linalg.norm(T, 2))
+        small, result = verified(self.parts, smaller, bound, self.band)
+        return parallel(self.parts.retained, small), result
 
 
 def _dilated(balanced: Balanced, r: int, k: int, sigma: float) -> Lti:
@@ -248,7 +213,6 @@ def _orthogonal(B: Array, C: Array, near: Array) -> Array:
     return left[:, :rank] @ right[:rank] + rest_left @ (turn @ back) @ rest_right
 
 
-@final
 class ModalTruncation(StateReducer):
     """The strongest modes, with the static gain of the others.
 
@@ -256,7 +220,7 @@ class ModalTruncation(StateReducer):
     """
 
     def __init__(self, model: Lti | SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(model, parts, band)
+        super().__init__(self.strongest, model, parts, band)
         modal = parts.modal or diagonalized(continuous_image(parts.original))
         if modal is None:
             raise ValueError(
@@ -264,7 +228,7 @@ class ModalTruncation(StateReducer):
             )
         self.modal = modal
 
-    def shortened(self, order: int) -> tuple[Lti, float]:
+    def strongest(self, _: Balanced, order: int) -> tuple[Lti, float]:
         """Return the strongest modes, and a bound on the error.
 
         The response of a truncated mode beyond its static gain, ``c b s/(p (s - p))``, is at most ``|c| |b|/|Re p|``, by
@@ -281,8 +245,7 @@ class ModalTruncation(StateReducer):
         return replace(strongest, D=modal.D + static), float(gone.sizes.sum())
 
 
-@final
-class StrongestModes(Reducer):
+class StrongestModes:
     """A structure in its strongest undamped modes, outputs with the static response of the others.
 
     A symmetric projection preserves definite mass, damping and stiffness, so the reduced structure is stable and passive for
@@ -295,8 +258,7 @@ class StrongestModes(Reducer):
     """
 
     def __init__(self, model: SecondOrderModel, parts: SystemParts, band: Band | None) -> None:
-        super().__init__(model, parts, band)
-        self.model = model
+        self.model, self.parts, self.band, self.form = model, parts, band, balance(parts.stable, parts.modal)
         self.frequencies, self.modes = undamped_modes(model.structure)
         floating = self.frequencies == 0.0
         self.rigid, self.ranking = int(floating.sum()), self._ranking(floating)
