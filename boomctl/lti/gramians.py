@@ -19,15 +19,12 @@ def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
     real form of which is ``system``, or None.
     """
     if modal is None:
-        P, Q = refined_gramian(system.A, system.B), refined_gramian(system.A.T, system.C.T)
-        return square_root(P.astype(float)), square_root(Q.astype(float))
-    J = modal.mixing
-    P, Q = _closed_form(modal.poles, modal.B), _closed_form(modal.poles.conj(), modal.C.conj().T)
-    return square_root(np.real(J @ P @ J.conj().T)), square_root(np.real(J @ Q @ J.conj().T))
-
-
-def _closed_form(poles: Array, B: Array) -> Array:
-    return -(B @ B.conj().T) / (poles[:, None] + poles.conj()[None, :])
+        P, Q = (refined_gramian(A, B).astype(float) for A, B in ((system.A, system.B), (system.A.T, system.C.T)))
+    else:
+        J, sums = modal.mixing, modal.poles[:, None] + modal.poles.conj()
+        P = np.real(J @ (-(modal.B @ modal.B.conj().T) / sums) @ J.conj().T)
+        Q = np.real(J @ (-(modal.C.conj().T @ modal.C) / sums.conj()) @ J.conj().T)
+    return square_root(P), square_root(Q)
 
 
 def square_root(P: Array) -> Array:
@@ -72,18 +69,10 @@ def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, flo
 
     Source: Gawronski & Juang (1990), Int. J. Systems Science 21.
     """
-    low, high = band
-    if modal is not None:
-        weights = _modal_integral(modal.poles, high) - _modal_integral(modal.poles, low)
-        J = modal.mixing
-        return np.real((J * weights) @ J.conj().T)
-    eye = np.eye(len(system.A))
+    A, eye, log = (system.A, np.eye(len(system.A)), linalg.logm) if modal is None else (modal.poles, 1.0, np.log)
 
     def until(w: float) -> Array:
-        return -0.5j / np.pi * (linalg.logm(1j * w * eye - system.A) - linalg.logm(-1j * w * eye - system.A))
+        return -0.5j / np.pi * (log(1j * w * eye - A) - log(-1j * w * eye - A))
 
-    return np.real(until(high) - until(low))
-
-
-def _modal_integral(poles: Array, w: float) -> Array:
-    return -0.5j / np.pi * (np.log(1j * w - poles) - np.log(-1j * w - poles))
+    inside = until(band[1]) - until(band[0])
+    return np.real(inside if modal is None else (modal.mixing * inside) @ modal.mixing.conj().T)

@@ -39,9 +39,7 @@ class Inequality:
     Attributes
     ----------
     A, B, C, D : arb_mat
-        ``W A T``, ``W B``, ``C T`` and ``D`` with ``W`` the inverse of ``T`` to within rounding.
-    unit : arb_mat
-        ``W T``.
+        Inverse of ``T`` times ``A T`` and ``B``, ``C T`` and ``D``.
     read, through : arb_mat
         ``C T`` and ``D`` of the system itself.
     near : Lti
@@ -56,7 +54,6 @@ class Inequality:
     B: arb_mat
     C: arb_mat
     D: arb_mat
-    unit: arb_mat
     read: arb_mat
     through: arb_mat
     near: Lti
@@ -72,15 +69,15 @@ class Inequality:
             if dt != 0.0:
                 exact = _image(*matrices, dt)
             T, widths = _coordinates(_middles(exact), peak)
-            W = np.linalg.inv(T)
+            T_ = _balls(T)
+            W = T_.inv()
         except (ValueError, ZeroDivisionError, np.linalg.LinAlgError):
             return None
-        if not (np.isfinite(T).all() and np.isfinite(W).all() and (widths > 0.0).all()):
+        if not (all(x.is_finite() for x in W.entries()) and (widths > 0.0).all()):
             return None
-        T_, W_ = _balls(T), _balls(W)
-        A_, B_, C_, D_ = W_ * exact[0] * T_, W_ * exact[1], exact[2] * T_, exact[3]
+        A_, B_, C_, D_ = W * exact[0] * T_, W * exact[1], exact[2] * T_, exact[3]
         near = _middles((A_, B_, C_, D_))
-        return cls(A_, B_, C_, D_, W_ * T_, matrices[2] * T_, matrices[3], near, widths, dt)
+        return cls(A_, B_, C_, D_, matrices[2] * T_, matrices[3], near, widths, dt)
 
     def stays_below(self, level: float, peak: float) -> bool:
         """Return whether it is proved that the system is stable and its H-infinity norm is below a level.
@@ -93,7 +90,7 @@ class Inequality:
             return False
         n, m = self.near.B.shape
         moved, read = _hstack(self.A, self.B), _hstack(self.C, self.D)
-        held = _hstack(self.unit, arb_mat(n, m)).transpose() * (P * moved)
+        held = _hstack(arb_mat(n, n, 1), arb_mat(n, m)).transpose() * (P * moved)
         S = -1 * (held + held.transpose() + read.transpose() * read)
         for k in range(n, n + m):
             S[k, k] += arb(level) * arb(level)
@@ -132,10 +129,10 @@ class Inequality:
     def gain(self, omega: float) -> arb:
         """Return a gain in one direction near a frequency [rad/s], enclosed: the largest but for rounding, not above it."""
         flint.ctx.prec = PRECISION
-        G, s = acb_mat(self.D), acb(0, float(image_of_omega(omega, self.dt)))
+        n, G, s = self.A.nrows(), acb_mat(self.D), acb(0, float(image_of_omega(omega, self.dt)))
         if s.is_finite():
             try:
-                G += acb_mat(self.C) * (s * acb_mat(self.unit) - acb_mat(self.A)).solve(acb_mat(self.B))
+                G += acb_mat(self.C) * (acb_mat(n, n, s) - acb_mat(self.A)).solve(acb_mat(self.B))
             except ZeroDivisionError:
                 return arb(0)
         return enclosed_gain(G) if all(x.is_finite() for x in G.entries()) else arb(0)
@@ -154,7 +151,7 @@ class Inequality:
 
     def _change(self, P: arb_mat) -> arb_mat:
         """Return ``A P + P A'``."""
-        held = self.A * P * self.unit.transpose()
+        held = self.A * P
         return held + held.transpose()
 
     def energy(self) -> tuple[float, float]:

@@ -38,12 +38,6 @@ class SpectralParts:
     error_bound: float
 
     @classmethod
-    def whole(cls, system: Lti) -> "SpectralParts":
-        """Return a system from which nothing is split off."""
-        B, C = system.B[:0], system.C[:, :0]
-        return cls(system, Lti(np.zeros((0, 0)), B, C, np.zeros_like(system.D), dt=system.dt), 0.0)
-
-    @classmethod
     def of(cls, system: Lti, A: Array, Z: Array, count: int) -> "SpectralParts":
         """Return the sum of the first ``count`` states and the others of ``A``, block triangular, in columns ``Z``."""
         N, rest = A[:count, :count], A[count:, count:]
@@ -83,5 +77,6 @@ def without_integrators(system: Lti) -> SpectralParts:
     sizes = np.sort(np.abs(system.poles - one))
     moved = _SPREAD * EPS ** (1.0 / max(count, 1)) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
     if not count or sizes[count - 1] > max(_RIGID * sizes[-1], moved):
-        return SpectralParts.whole(system)
+        none = Lti(T[:0, :0], system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
+        return SpectralParts(system, none, 0.0)
     return SpectralParts.of(scaled, T + one * np.eye(n), Z, count)

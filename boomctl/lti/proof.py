@@ -113,19 +113,14 @@ class Exact:
     def characteristic(self) -> fmpq_poly:
         """``det(s - A)``, in discrete time of the continuous image: it has lower degree with a pole at ``z = -1``."""
         self.work.charge_entries(self.A.nrows(), 1)
-        return self._image(self._polynomial)
-
-    @property
-    def _polynomial(self) -> fmpq_poly:
-        """``det(s - A)``, in discrete time ``det(z - A)``."""
-        return characteristic_polynomial(tuple(self.A.entries()))
+        return self._image(characteristic_polynomial(tuple(self.A.entries())))
 
     @cached_property
     def whole(self) -> tuple[fmpq_poly, list[list[fmpq_poly]]]:
         """``a``, all poles, and ``N``."""
         p, m, n = self.D.nrows(), self.D.ncols(), self.A.nrows()
         self.work.charge_entries(self.A.nrows(), p * m)
-        a, moments, X = self._polynomial, [], self.B
+        a, moments, X = characteristic_polynomial(tuple(self.A.entries())), [], self.B
         for _ in range(n):
             moments.append((self.C * X).tolist())
             X = self.A * X
