@@ -61,13 +61,6 @@ def test_continuous_time_is_its_own_image():
     assert image_of_omega(omega, 0.0) is omega_of_image(omega, 0.0) is omega
 
 
-def test_what_has_no_image_is_refused():
-    with pytest.raises(ValueError, match="pole at z = -1"):
-        continuous_image(Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1)), dt=0.1))
-    with pytest.raises(ValueError, match="pole at 2/dt = 20 rad/s"):
-        discrete_image(Lti(20.0 * np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), 0.1)
-
-
 @examples(60)
 @given(st.integers(0, 100_000))
 def test_bilinear_image_of_modes_same_response(seed):

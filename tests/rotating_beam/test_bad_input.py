@@ -51,6 +51,7 @@ BEAM.simulate(free_hub(), [1.0, 1.0]) -> timepts
 BEAM.simulate(free_hub(), [1.0], initial_state=[0.0, 1.0]) -> initial_state of shape \(2,\): expected \(6,\)
 BEAM.simulate(hold_angle(0.1), [1.0], initial_state=[0.2, 0, 0, 0, 0, 0]) -> initial hub angle = 0.2: expected 0.1
 EXACT.simulate(SPIN_UP, [1.0], initial_state=EXACT.steady_state(1.0)) -> initial hub speed
+BEAM.to_nlsys().dynamics(0.0, 30.0 * np.eye(6)[1], [0.0]) -> mass matrix margin
 BEAM.residual_energy([0.0, 1.0]) -> state: expected 6 numbers, got 2
 BEAM.eigenfrequencies_hz(1.0, coupled=True) -> no axial modes
 BEAM.campbell([1.0]) -> speeds: expected two hub speeds or more

@@ -74,11 +74,3 @@ def test_linear_models_have_the_frequencies_of_a_free_hub():
     poles = np.linalg.eigvals(beam.linearize(1.0).A)
     found = np.sort(poles.imag[poles.imag > 1.0]) / (2.0 * np.pi)
     np.testing.assert_allclose(found, beam.eigenfrequencies_hz(1.0, coupled=True), rtol=1e-5)
-
-
-def test_nlsys_outside_the_region_of_the_mass_matrix_is_an_error():
-    beam = hub_beam(HubBeamParameters(), "sfoam", 2)
-    state = np.zeros(6)
-    state[1] = 30.0
-    with pytest.raises(ValueError, match="mass matrix margin"):
-        beam.to_nlsys().dynamics(0.0, state, [0.0])

@@ -62,12 +62,6 @@ def test_a_discretisation_compared_by_identity_is_asked_again():
         assert sizes[1] == sizes[0] + 2
 
 
-def test_what_models_share_cannot_be_written_to():
-    model = bc.spray_boom(excitation="force")
-    with pytest.raises(ValueError, match="read-only"):
-        model.ports.L[0][0, 0] = 1.0
-
-
 @given(seeds)
 def test_damping_in_its_parts_is_the_damping(seed):
     model = random_machine(seed).assemble()

@@ -145,6 +145,10 @@ bc.sigma(one.boom(), "tip_left") -> omega = 'tip_left': expected frequencies; si
 bc.step(one.boom(), "tip_left") -> timepts = 'tip_left': expected time points \[s\]; signals are named
 bc.nyquist(one.boom(), "tip_left") -> controller = 'tip_left': expected a controller; signals are named
 bc.hub_beam(modes=1).eigenfrequencies_hz(np.array([0.0, 1.0])) -> \.campbell\(speeds\) takes many
+one.boom()["tip_lef", "cradle"] -> did you mean 'tip_left'
+one.boom()["tip_left"] -> expected model\[outputs, inputs\]
+one.boom().to_statespace(dt=-1.0) -> dt = -1\.0: expected
+bc.spray_boom(excitation="force").ports.L[0].fill(1.0) -> read-only
 # other kinds, and what makes the right one
 one.boom() * one.boom() -> its \.to_statespace\(\) is
 one.boom().A -> no attribute 'A'; its \.to_statespace\(\) has

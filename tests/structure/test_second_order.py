@@ -100,10 +100,6 @@ def test_signals_by_index_are_outputs_first():
     one = boom["tip_left", "actuator_left"]
     assert (one.input_labels, one.output_labels) == (("actuator_left",), ("tip_left",))
     assert boom[["tip_right", "tip_left"], "cradle"].output_labels == ("tip_right", "tip_left")
-    with pytest.raises(ValueError, match="did you mean 'tip_left'"):
-        boom["tip_lef", "cradle"]
-    with pytest.raises(TypeError, match=r"expected model\[outputs, inputs\]"):
-        boom["tip_left"]  # type: ignore[index]
 
 
 def test_poles_are_those_of_the_state_space():
@@ -131,8 +127,6 @@ def test_a_sampled_structure_is_that_of_python_control():
         (sampled.A, sampled.B, sampled.C, sampled.D), (theirs.A, theirs.B, theirs.C, theirs.D), strict=True
     ):
         assert_allclose(ours, other, rtol=0, atol=1e-12 * np.abs(other).max(initial=1.0))
-    with pytest.raises(ValueError, match=r"dt = -1\.0: expected"):
-        jolt.to_statespace(dt=-1.0)
 
 
 def test_nyquist_and_compare_take_signals_as_sigma_does():
