@@ -50,10 +50,17 @@ def kkt_response(matrices, B, L, moved, forced, omega):
 
 
 def state_space_response(system, omega):
-    """Return the response of a state space, (outputs, inputs, frequencies)."""
-    A, B, C, D = (np.asarray(x) for x in (system.A, system.B, system.C, system.D))
-    one = np.eye(len(A))
-    return np.stack([C @ np.linalg.solve(1j * w * one - A, B) + D for w in omega], axis=2)
+    """Return the response of a state space, of continuous or discrete time, (outputs, inputs, frequencies)."""
+    s = 1j * np.asarray(omega)
+    if system.dt:
+        s = np.exp(s * (1.0 if system.dt is True else system.dt))
+    pencils = s[:, None, None] * np.eye(len(system.A)) - system.A
+    return np.moveaxis(system.C @ np.linalg.solve(pencils, system.B + 0j) + system.D, 0, -1)
+
+
+def gains(system, omega):
+    """Return the largest singular value of a state space at each frequency."""
+    return np.linalg.norm(state_space_response(system, omega), 2, axis=(0, 1))
 
 
 def motions(rng, count, omega):

@@ -22,6 +22,7 @@ from boomctl.exceptions import ReductionError, SynthesisError
 from tests.exact import Exact, dyadic
 from tests.fuzz import in_time
 from tests.profiles import is_hunt
+from tests.references import gains
 
 ctrlsys = pytest.importorskip("ctrlsys", reason="its collections come with the extra dev")
 pytestmark = pytest.mark.slow
@@ -118,8 +119,7 @@ def largest_seen(system):
     poles = system.poles()
     around = np.abs(poles.imag) + np.array([-1.0, -0.5, 0.0, 0.5, 1.0])[:, None] * np.abs(poles.real)
     omega = np.unique(np.concatenate([[0.0], around[around > 0.0], np.geomspace(1e-3, 1e4, 50)]))
-    pencil = 1j * omega[:, None, None] * np.eye(system.nstates) - system.A
-    return np.linalg.norm(system.C @ np.linalg.solve(pencil, system.B.astype(complex)) + system.D, 2, axis=(1, 2)).max()
+    return gains(system, omega).max()
 
 
 def rationals(matrix):

@@ -11,6 +11,7 @@ from scipy import linalg
 from boomctl.analysis import compare_sigma, h2_norm, hinf_norm, mode_table, sigma
 from boomctl.analysis.norm import IN_MODES, NO_CROSSING, PROVED
 from tests.profiles import examples
+from tests.references import gains
 
 
 def random_system(seed, lightest=6.0, scaled=4.0):
@@ -23,12 +24,6 @@ def random_system(seed, lightest=6.0, scaled=4.0):
     B, C = rng.standard_normal((n, m)), rng.standard_normal((p, n))
     D = rng.standard_normal((p, m)) * (seed % 2)
     return control.ss(A * scale[:, None] / scale, B * scale[:, None], C / scale, D, float(10.0 ** rng.uniform(-4, 1)))
-
-
-def gains(system, omega):
-    z = np.exp(1j * omega * system.dt)[:, None, None]
-    G = system.C @ np.linalg.solve(z * np.eye(system.nstates) - system.A, system.B + 0j) + system.D
-    return np.linalg.svd(G, compute_uv=False)[:, 0]
 
 
 @examples(300)
