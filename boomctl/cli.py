@@ -7,9 +7,10 @@ A command imports only what it uses: ``boomctl parameters`` does not import nump
 import os
 import re
 import sys
+import warnings
 from argparse import ArgumentParser, Namespace
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext, redirect_stdout, suppress
+from collections.abc import Sequence
+from contextlib import ExitStack, nullcontext, redirect_stdout, suppress
 from io import TextIOWrapper
 from math import isfinite, tau
 from pathlib import Path
@@ -74,11 +75,12 @@ def main() -> None:
 def _run(words: Sequence[str]) -> None:
     """Run the command that the first word names, with the others as its arguments."""
     if not words or words[0] in ("-h", "--help"):
-        commands = (f"  {name:<12} {_summary(command)}" for name, (command, _) in _COMMANDS.items())
+        print("usage: boomctl [--version] COMMAND ...\n\nCommands; boomctl COMMAND --help lists the options:")
         print(
-            "usage: boomctl [--version] COMMAND ...\n", "Commands; boomctl COMMAND --help lists the options:", sep="\n"
+            *(f"  {name:<12} {(command.__doc__ or '').splitlines()[0]}" for name, command in _COMMANDS.items()),
+            _CODES,
+            sep="\n",
         )
-        print(*commands, _CODES, sep="\n")
         sys.exit(0 if words else 2)
     if words[0] == "--version":
         from boomctl import __version__
@@ -89,21 +91,25 @@ def _run(words: Sequence[str]) -> None:
         from boomctl.checks import known
 
         known("command", words[0], _COMMANDS)
-    command, options = _COMMANDS[words[0]]
+    command = _COMMANDS[words[0]]
     parser = _Parser(prog=f"boomctl {words[0]}", description=command.__doc__)
     if command is design:
         from boomctl.studies.catalogue import design_names
 
         parser.epilog = f"Designs of boomctl: {', '.join(design_names())}"
-    for flag, given in {**options, **_COMMON}.items():
+    for flag, given in {**_OPTIONS[words[0]], **_COMMON}.items():
         parser.add_argument(flag, **given)
     asked = parser.parse_args(words[1:])
-    if asked.json or asked.quiet:
-        from boomctl.progress import progress_callback
+    with ExitStack() as around:
+        around.enter_context(warnings.catch_warnings())
+        warnings.showwarning = lambda message, *place: _tell(f"warning: {message}")
+        if asked.quiet:
+            warnings.simplefilter("ignore")
+        if asked.json or asked.quiet:
+            from boomctl.progress import progress_callback
 
-        with open(os.devnull, "w") as nowhere, redirect_stdout(nowhere), progress_callback(None):
-            results = command(asked)
-    else:
+            around.enter_context(redirect_stdout(around.enter_context(open(os.devnull, "w"))))
+            around.enter_context(progress_callback(None))
         results = command(asked)
     if asked.json:
         import json
@@ -113,12 +119,12 @@ def _run(words: Sequence[str]) -> None:
         print(json.dumps(plain(results), allow_nan=False))
 
 
-def _summary(command: Callable[[Namespace], Any]) -> str:
-    return (command.__doc__ or "").splitlines()[0]
+def _tell(message: str) -> None:
+    print(f"boomctl: {' '.join(message.split())}", file=sys.stderr)
 
 
 def _fail(message: str, code: int) -> NoReturn:
-    print(f"boomctl: {' '.join(message.split())}", file=sys.stderr)
+    _tell(message)
     sys.exit(code)
 
 
@@ -127,7 +133,7 @@ def _write(report: "Report", folder: Path) -> None:
     written = report.write(folder)
     others = sorted(item.name for item in folder.iterdir() if item.is_file() and item not in written)
     if others:
-        print(f"boomctl: {folder}: also has files that are not of this run: {', '.join(others)}", file=sys.stderr)
+        _tell(f"{folder}: also has files that are not of this run: {', '.join(others)}")
     print(f"Report: {folder / 'report.html'}")
 
 
@@ -220,6 +226,8 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
     """
     from boomctl.checks import known, whole
     from boomctl.files import json_text, plain, prepared_folder, write_all
+    from boomctl.lab.papers.anthonis_ramon import report as anthonis_ramon
+    from boomctl.lab.papers.bai import report as bai
     from boomctl.lab.papers.jobs import run_jobs
     from boomctl.progress import computing
     from boomctl.report import bound_reports
@@ -229,13 +237,20 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
     workers = None if asked.workers is None else whole("--workers", asked.workers)
     names = tuple(_PAPERS) if asked.what == "all" else (asked.what,)
-    papers = [_boom_paper(asked) if name == "boom" else _hub_beam_paper() for name in names]
+    jobs: dict[str, Any] = {}
+    if "boom" in names:
+        from boomctl.boom.parameters import BoomParameters
+        from boomctl.identification.files.frequency_response import read_frequency_response
+
+        p = BoomParameters.from_toml(asked.parameters) if asked.parameters else None
+        jobs |= anthonis_ramon.jobs(p, read_frequency_response(asked.measured) if asked.measured else None)
+    if "hub-beam" in names:
+        jobs |= bai.jobs()
     folder, results, reports = prepared_folder(asked.out), {}, []
-    jobs = {name: job for work, _ in papers for name, job in work.items()}
     with computing("reproduction") as tell:
         result = run_jobs(jobs, workers, tell)
-    for name, (_, report_of) in zip(names, papers, strict=True):
-        report = report_of(result)
+    for name in names:
+        report = (anthonis_ramon if name == "boom" else bai).report(result)
         results[name] = plain(report.results)
         reports.append((_PAPERS[name], report.html))
         _print_paper(name, results[name])
@@ -246,22 +261,6 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
     write_all({folder / "report.html": both, folder / "results.json": json_text(results)})
     print(f"Both reports in one: {folder / 'report.html'}")
     return results
-
-
-def _boom_paper(asked: Namespace) -> Any:
-    """Return the work for a paper, and the function that makes the report of its results."""
-    from boomctl.boom.parameters import BoomParameters
-    from boomctl.identification.files.frequency_response import read_frequency_response
-    from boomctl.lab.papers.anthonis_ramon.report import jobs, report
-
-    p = BoomParameters.from_toml(asked.parameters) if asked.parameters else None
-    return jobs(p, read_frequency_response(asked.measured) if asked.measured else None), report
-
-
-def _hub_beam_paper() -> Any:
-    from boomctl.lab.papers.bai.report import jobs, report
-
-    return jobs(), report
 
 
 def _print_paper(name: str, results: dict[str, Any]) -> None:
@@ -284,13 +283,7 @@ def identify(asked: Namespace) -> Any:
     from boomctl.studies.measurement import identified_file
 
     folder = prepared_folder(asked.out)
-    band = None if asked.band is None else tuple(asked.band)
-    options = {
-        "frequency_range_hz": band,
-        "modes": asked.modes,
-        "quantity": asked.quantity,
-        "intersample": asked.intersample,
-    }
+    options = {name: getattr(asked, name) for name in ("frequency_range_hz", "modes", "quantity", "intersample")}
     result, report = identified_file(asked.record, asked.inputs, asked.outputs, asked.sample_time, **options)
     print(result)
     _write(report, folder)
@@ -372,73 +365,58 @@ _COMMON = {
     "--json": _flag("print the results as JSON on standard output"),
     "--quiet": _flag("print only the output of --json, and show no progress"),
 }
-# Of each command: the function and its options; numbers are counts of values.
-_COMMANDS: dict[str, tuple[Callable[[Namespace], Any], dict[str, dict[str, Any]]]] = {
-    "sigma": (
-        sigma,
-        {
-            "--discretization": _option(f"{', '.join(_DISCRETIZATIONS)} (default: %(default)s)", default="finite"),
-            "--elements": _option("number of elements, but of exact (default: 6)", type=int),
-            "--parameters": _file("TOML file with boom parameters"),
-            "--measured": _file("CSV file with a measured curve"),
-            "--out": _file("picture to write, .png or .svg"),
-        },
-    ),
-    "design": (
-        design,
-        {
-            "name": _option("name of a design, or a Python file", metavar="NAME"),
-            "--out": _folder("results"),
-            "--road": _option("suspensions: road class, ISO 8608, A to H (default: E)", dest="road_class"),
-            "--speed": _option("suspensions: driving speed, m/s (default: 3.0)", type=float),
-            "--seed": _option("suspensions: of the random track (default: 1)", type=int),
-        },
-    ),
-    "reproduce": (
-        reproduce,
-        {
-            "what": _option("boom, hub-beam or all (default: %(default)s)", nargs="?", default="all"),
-            "--out": _folder("results"),
-            "--parameters": _file("TOML file with other boom parameters"),
-            "--measured": _file("CSV file with a measured curve of the boom"),
-            "--workers": _option("parallel processes (default: one for each core)", type=int, metavar="COUNT"),
-        },
-    ),
-    "identify": (
-        identify,
-        {
-            "record": _option("the file: .csv, .mat, .uff or .unv", type=Path),
-            "--inputs": _option("columns that drive the machine, between commas", type=_names, default=[]),
-            "--outputs": _option("columns of its response (default: all others but the time)", type=_names, default=[]),
-            "--sample-time": _option("time between samples, s (default: from the column named time)", type=float),
-            "--band": _option(
-                "frequencies of the modes, Hz (default: where all inputs have power)",
-                type=float,
-                nargs=2,
-                metavar=("LOW", "HIGH"),
-            ),
-            "--modes": _option("number of modes (default: all that have evidence)", type=int),
-            "--quantity": _option("of the outputs: displacement (default), velocity or acceleration"),
-            "--intersample": _option("of the inputs: bl (band-limited) or zoh (hold) (default: from the record)"),
-            "--out": _folder("identified"),
-        },
-    ),
-    "benchmark": (
-        benchmark,
-        {
-            "what": _option("scenes (default: all)", nargs="*", metavar="NAME"),
-            "--quick": _flag("fewer settings, one process for each"),
-            "--out": {"type": Path, "metavar": "FOLDER", "help": "folder for report, pictures and results"},
-        },
-    ),
-    "parameters": (parameters, {}),
-    "notebooks": (
-        notebooks,
-        {
-            "--out": _folder("notebooks", "the copies"),
-            "--force": _flag("write over files of the same names"),
-        },
-    ),
+_COMMANDS = {
+    command.__name__: command for command in (sigma, design, reproduce, identify, benchmark, parameters, notebooks)
+}
+_OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
+    "sigma": {
+        "--discretization": _option(f"{', '.join(_DISCRETIZATIONS)} (default: %(default)s)", default="finite"),
+        "--elements": _option("number of elements, but of exact (default: 6)", type=int),
+        "--parameters": _file("TOML file with boom parameters"),
+        "--measured": _file("CSV file with a measured curve"),
+        "--out": _file("picture to write, .png or .svg"),
+    },
+    "design": {
+        "name": _option("name of a design, or a Python file", metavar="NAME"),
+        "--out": _folder("results"),
+        "--road": _option("suspensions: road class, ISO 8608, A to H (default: E)", dest="road_class"),
+        "--speed": _option("suspensions: driving speed, m/s (default: 3.0)", type=float),
+        "--seed": _option("suspensions: of the random track (default: 1)", type=int),
+    },
+    "reproduce": {
+        "what": _option("boom, hub-beam or all (default: %(default)s)", nargs="?", default="all"),
+        "--out": _folder("results"),
+        "--parameters": _file("TOML file with other boom parameters"),
+        "--measured": _file("CSV file with a measured curve of the boom"),
+        "--workers": _option("parallel processes (default: one for each core)", type=int, metavar="COUNT"),
+    },
+    "identify": {
+        "record": _option("the file: .csv, .mat, .uff or .unv", type=Path),
+        "--inputs": _option("columns that drive the machine, between commas", type=_names, default=[]),
+        "--outputs": _option("columns of its response (default: all others but the time)", type=_names, default=[]),
+        "--sample-time": _option("time between samples, s (default: from the column named time)", type=float),
+        "--band": _option(
+            "frequencies of the modes, Hz (default: where all inputs have power)",
+            dest="frequency_range_hz",
+            type=float,
+            nargs=2,
+            metavar=("LOW", "HIGH"),
+        ),
+        "--modes": _option("number of modes (default: all that have evidence)", type=int),
+        "--quantity": _option("of the outputs: displacement (default), velocity or acceleration"),
+        "--intersample": _option("of the inputs: bl (band-limited) or zoh (hold) (default: from the record)"),
+        "--out": _folder("identified"),
+    },
+    "benchmark": {
+        "what": _option("scenes (default: all)", nargs="*", metavar="NAME"),
+        "--quick": _flag("fewer settings, one process for each"),
+        "--out": {"type": Path, "metavar": "FOLDER", "help": "folder for report, pictures and results"},
+    },
+    "parameters": {},
+    "notebooks": {
+        "--out": _folder("notebooks", "the copies"),
+        "--force": _flag("write over files of the same names"),
+    },
 }
 
 

@@ -50,26 +50,9 @@ TRANSLATED = {
 }
 """Words of MATLAB and of python-control for what a public name of the top does."""
 
-_THEIRS = {
-    "acker",
-    "append",
-    "ctrb",
-    "dcgain",
-    "evalfr",
-    "freqresp",
-    "minreal",
-    "obsv",
-    "parallel",
-    "place",
-    "rlocus",
-    "root_locus",
-    "series",
-    "ss",
-    "ss2tf",
-    "tf",
-    "tf2ss",
-    "zeros",
-}
+_THEIRS = """
+acker append ctrb dcgain evalfr freqresp minreal obsv parallel place rlocus root_locus series ss ss2tf tf tf2ss zeros
+"""
 """Functions of python-control that have no like here."""
 
 
@@ -103,7 +86,7 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
             known = TRANSLATED.get(name) if package == "boomctl" else None
             if known is not None:
                 hint = f"here it is boomctl.{known}"
-            elif package == "boomctl" and name in _THEIRS:
+            elif package == "boomctl" and name in _THEIRS.split():
                 hint = f"python-control has it, control.{name}, and takes .to_statespace() of a structure"
             else:
                 near = get_close_matches(name, home, n=1, cutoff=0.6)

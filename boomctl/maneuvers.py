@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, function_of, plain_array, positive, real, sequence, shown
+from boomctl.checks import function_of, plain_array, positive, real, sequence, shown
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import SUMMED
 
@@ -81,24 +81,11 @@ class TorqueDriven(ABC):
 Maneuver = PrescribedMotion | TorqueDriven
 
 
-class PlannedTorque(Protocol):
-    """Planned torque: linear on each of N intervals between N + 1 edges [s], zero outside."""
-
-    @property
-    def edges(self) -> Array: ...
-
-    @property
-    def start_values(self) -> Array: ...
-
-    @property
-    def end_values(self) -> Array: ...
-
-
 class PlannedSlew(Protocol):
     """Planned slew: its torque, times and states."""
 
     @property
-    def torque_profile(self) -> PlannedTorque: ...
+    def torque_profile(self) -> TorqueDriven: ...
 
     @property
     def time(self) -> Array: ...
@@ -227,26 +214,20 @@ class HubProfile(PrescribedMotion):
     def _agree(self, name: str, slope: str, edges: Array) -> Array:
         """Return the ends of the intervals that were split; raise an error if a function is not the integral of another."""
         function, rate, method = getattr(self, name), getattr(self, slope), gauss_method(_CHECK_POINTS)
-        nodes, weights = method.nodes, method.weights
         low, high, allowed, floor = edges[:-1], edges[1:], np.inf, 0.0
-        settled: list[tuple[Array, Array]] = []
-        split: list[Array] = []
+        settled, split = [], []
         for level in range(_CHECKED_LEVELS):
-            width = high - low
-            ended, slopes = function(high), rate(low[:, None] + width[:, None] * nodes)
-            missed = ended - function(low) - width * (slopes @ weights)
+            width, last = high - low, level == _CHECKED_LEVELS - 1
+            ended, slopes = function(high), rate(low[:, None] + width[:, None] * method.nodes)
+            missed = ended - function(low) - width * (slopes @ method.weights)
             if not level:
-                size = float(np.abs(ended).max() + edges[-1] * np.abs(slopes).max())
-                floor = _ROUNDING * size
+                floor = _ROUNDING * float(np.abs(ended).max() + edges[-1] * np.abs(slopes).max())
                 allowed = max(_BELONGING * float(np.ptp(ended)), floor)
             open_ = np.abs(missed) > max(allowed / (len(edges) * _SPLIT**level), floor)
             count = np.count_nonzero(open_)
-            if level == _CHECKED_LEVELS - 1 and count <= _MOST_JUMPS:
-                missed[open_] = (
-                    0.0  # The derivative is discontinuous there, so that its integral has no better accuracy.
-                )
-            if level == _CHECKED_LEVELS - 1 or count > _MOST_OPEN:
-                open_[:] = False
+            if last and count <= _MOST_JUMPS:
+                missed[open_] = 0.0  # The derivative is discontinuous there: its integral has no better accuracy.
+            open_ &= not (last or count > _MOST_OPEN)
             settled.append((high[~open_], missed[~open_]))
             split += [low[open_], high[open_]]
             ends = np.linspace(low[open_], high[open_], _SPLIT + 1, axis=1)
@@ -329,37 +310,6 @@ class Torque(TorqueDriven):
 
     def torque(self, t: ArrayLike) -> Array:
         return _evaluate("torque", self.function, t)
-
-
-@final
-@dataclass(frozen=True, eq=False)
-class StraightTorque(TorqueDriven):
-    """Planned torque, linear between known times.
-
-    Parameters
-    ----------
-    edges : ndarray, N + 1
-        Times, ascending from 0 [s].
-    left, right : ndarray, N
-        Torque at the beginning and at the end of each interval [N m].
-    """
-
-    edges: Array
-    left: Array
-    right: Array
-    breakpoints: tuple[float, ...] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        for name in ("edges", "left", "right"):
-            finite_array(name, getattr(self, name), 1)
-        object.__setattr__(self, "breakpoints", tuple(self.edges[1:].tolist()))
-
-    def torque(self, t: ArrayLike) -> Array:
-        t = plain_array("t", t)
-        k = np.minimum(np.maximum(self.edges.searchsorted(t, "right") - 1, 0), self.left.size - 1)
-        slope = (self.right - self.left) / np.diff(self.edges)
-        outside = (t < self.edges[0]) | (t > self.edges[-1])
-        return np.where(outside, 0.0, self.left[k] + slope[k] * (t - self.edges[k]))
 
 
 @final
@@ -554,29 +504,22 @@ def _breakpoints(values: tuple[float, ...]) -> tuple[float, ...]:
     return tuple(sorted(real("breakpoints", value) for value in sequence("breakpoints", values, "times")))
 
 
-def _real_numbers(value: object) -> Array:
-    """Return the result of a user's function as real numbers."""
-    result = plain_array("function", value)  # type: ignore[arg-type]
-    if result.dtype.kind not in "iuf":
-        raise TypeError
-    return result.astype(float)
-
-
-def _number(name: str, value: object, t: float) -> float:
-    """Return the result of a user's function at one time."""
+def _numbers(name: str, value: object, t: Array) -> Array:
+    """Return the result of a user's function at some times as real numbers."""
     array = plain_array(name, value)  # type: ignore[arg-type]
-    if array.dtype.kind not in "iuf" or array.size != 1:
-        raise TypeError(f"{name} at t = {t:g} s: expected a number, or one for each time, got {shown(value)}")
-    return float(array.ravel()[0])
+    if array.dtype.kind not in "iuf" or array.size not in (1, t.size):
+        raise TypeError(f"{name} at t = {t.min():g} s: expected a number, or one for each time, got {shown(value)}")
+    return np.broadcast_to(array.ravel()[0] if array.size == 1 else array, t.shape).astype(float)
 
 
 def _evaluate(name: str, function: TimeFunction, t: ArrayLike) -> Array:
     """Evaluate a user's function at all times; one that accepts only numbers is called for each time."""
     t = plain_array("t", t).astype(float)
     try:
-        values = np.broadcast_to(_real_numbers(function(t)), t.shape)
+        values = _numbers(name, function(t), t)
     except (TypeError, ValueError):
-        values = np.array([_number(name, function(float(item)), item) for item in t.ravel()]).reshape(t.shape)
+        values = np.array([_numbers(name, function(item), np.array(item)) for item in t.ravel().tolist()])
+        values = values.reshape(t.shape)
     if not np.all(np.isfinite(values)):
         where = t[~np.isfinite(values)].ravel()[0]
         raise ValueError(f"{name} at t = {where:g} s: expected a finite number")

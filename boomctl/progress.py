@@ -11,7 +11,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 from typing import Any
@@ -97,21 +97,20 @@ Tell = Callable[..., None]
 
 @dataclass
 class _Computation:
-    """A running computation: its last stage and its listener."""
+    """A running computation: its listener, and its last stage with the number of steps."""
 
     task: str
     listener: Listener | None
     began: float = field(default_factory=time.monotonic)
-    stage: str = ""
-    completed: int | None = None
-    total: int | None = None
+    said: tuple[str, int | None, int | None] = "", None, None
 
     def now(self) -> Progress:
-        return Progress(self.task, self.stage, time.monotonic() - self.began, self.done, self.total)
+        stage, done, total = self.said
+        return Progress(self.task, stage, time.monotonic() - self.began, done, total)
 
     def tell(self, stage: str = "", done: int | None = None, total: int | None = None) -> None:
         """Report a stage and the number of steps; an error of the listener ends the computation."""
-        self.stage, self.done, self.total = stage, done, total
+        self.said = stage, done, total
         if self.listener is not None:
             self.listener(self.now())
 
@@ -167,13 +166,17 @@ def computing(task: str, progress: Listener | None = None) -> Iterator[Tell]:
         return
     computation = _Computation(task, listener or _HEARD_BY.get())
     token = _OUTER.set(computation)
-    line = _Line(computation) if computation.listener is None and _seen() else None
+    ended, line = threading.Event(), None
+    if computation.listener is None and _seen():
+        line = threading.Thread(target=_draw, args=(computation, ended), name="boomctl-progress", daemon=True)
+        line.start()
     try:
         yield computation.tell
     finally:
         _OUTER.reset(token)
+        ended.set()
         if line is not None:
-            line.end()
+            line.join(timeout=1.0)  # it redraws five times a second
 
 
 def tell(stage: str, done: int | None = None, total: int | None = None) -> None:
@@ -208,31 +211,17 @@ def _seen() -> bool:
     return "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
 
 
-class _Line:
-    """Progress line, drawn by a separate thread after some time."""
+def _draw(computation: _Computation, ended: threading.Event) -> None:
+    """Draw the progress line, in a thread of its own, after some time and until the computation has ended."""
+    if ended.wait(_QUIET_FOR):
+        return
+    from rich.console import Console
+    from rich.errors import LiveError
+    from rich.markup import escape
 
-    def __init__(self, computation: _Computation) -> None:
-        self._computation, self._ended = computation, threading.Event()
-        self._thread = threading.Thread(target=self._draw, name="boomctl-progress", daemon=True)
-        self._thread.start()
-
-    def _draw(self) -> None:
-        if self._ended.wait(_QUIET_FOR):
-            return
-        from rich.console import Console
-        from rich.errors import LiveError
-        from rich.markup import escape
-
-        if self._ended.is_set():  # while rich was loaded
-            return
-        console = Console(stderr=True)
-        try:
-            with console.status(escape(str(self._computation.now()))) as shown:
-                while not self._ended.wait(_REDRAWN):
-                    shown.update(escape(str(self._computation.now())))
-        except LiveError:  # Another display of rich is active.
-            return
-
-    def end(self) -> None:
-        self._ended.set()
-        self._thread.join(timeout=1.0)  # it redraws five times a second
+    if ended.is_set():  # while rich was loaded
+        return
+    # Another display of rich may be active.
+    with suppress(LiveError), Console(stderr=True).status(escape(str(computation.now()))) as shown:
+        while not ended.wait(_REDRAWN):
+            shown.update(escape(str(computation.now())))

@@ -251,6 +251,15 @@ def test_identify_reports_the_modes_of_a_record(record):
     assert abs(again["modes"][0]["frequency_hz"] / mode["frequency_hz"] - 1.0) < 1e-6
 
 
+@pytest.mark.slow
+def test_cli_warning_is_one_line_and_absent_if_quiet(record):
+    words = ("identify", "record.csv", "--inputs", "force", "--band", "0.5", "8", "--out", "said", "--intersample", "zoh")
+    shown = boomctl(*words, cwd=record).stderr
+    assert shown.startswith("boomctl: warning: intersample = 'zoh': ")
+    assert shown.count("\n") == 1
+    assert boomctl(*words, "--quiet", cwd=record).stderr == ""
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
-from boomctl.progress import computing
+from boomctl.progress import _Computation, computing
 from tests import handed_out as one
 
 CALLS = {
@@ -75,6 +75,7 @@ def test_nested_computation_reports_to_outer():
     assert [(told.task, told.stage, told.completed, told.total) for told in heard] == [("outer", "a stage", 1, 2)]
     assert str(heard[0]).startswith("outer: a stage 1 of 2 (0 s)")
     assert pickle.loads(pickle.dumps(heard[0])) == heard[0]
+    assert str(_Computation("outer", None).now()) == "outer (0 s)"  # before its first stage
 
 
 def test_listener_that_is_no_function_raises():

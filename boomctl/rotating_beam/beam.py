@@ -33,9 +33,7 @@ from boomctl.maneuvers import (
     HubProfile,
     Maneuver,
     PlannedSlew,
-    PlannedTorque,
     PrescribedMotion,
-    StraightTorque,
     TorqueDriven,
 )
 from boomctl.printing import WIDTH, count, listed
@@ -307,7 +305,7 @@ class HubBeam(ABC):
     @one_blas_thread
     def simulate(
         self,
-        maneuver: Maneuver | PlannedTorque | PlannedSlew,
+        maneuver: Maneuver | PlannedSlew,
         timepts: ArrayLike | None = None,
         initial_state: ArrayLike | None = None,
         rtol: float | None = None,
@@ -721,14 +719,13 @@ def _checked_times(value: ArrayLike) -> Array:
 
 
 def _played(maneuver: Any, initial: ArrayLike | None) -> Maneuver:
-    """Return the torque of a slew, or of its profile, as a maneuver; return a maneuver unchanged."""
-    history: Any = getattr(maneuver, "torque_profile", maneuver)
-    if not all(hasattr(history, name) for name in ("edges", "start_values", "end_values")):
+    """Return the torque of a slew as a maneuver; return a maneuver unchanged."""
+    if not hasattr(maneuver, "torque_profile"):
         return maneuver
     size = np.abs(getattr(maneuver, "states", np.zeros((1, 1))))
     if initial is None and (size[0] > ROOT * size.max(axis=0)).any():
         raise ValueError("initial_state: expected the state that the slew begins with, which is not at rest, got none")
-    return StraightTorque(history.edges, history.start_values, history.end_values)
+    return maneuver.torque_profile
 
 
 def _checked(maneuver: Maneuver, end: float) -> Maneuver:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import plain_array
+from boomctl.checks import finite_array, plain_array
+from boomctl.maneuvers import TorqueDriven
 from boomctl.printing import count
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ _SWITCH = 0.5  # fraction of the peak that a torque reaches on both sides of a s
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueProfile:
+class TorqueProfile(TorqueDriven):
     """Torque that is linear on each of N intervals, and zero outside them.
 
     Attributes
@@ -39,6 +40,10 @@ class TorqueProfile:
     end_values: Array
     unit: str = "N m"
 
+    def __post_init__(self) -> None:
+        for name in ("edges", "start_values", "end_values"):
+            finite_array(name, getattr(self, name), 1)
+
     def __repr__(self) -> str:
         switching = f", {count(len(self.switching_times), 'switch', 'switches')}" if self.switching_times.size else ""
         parts = f"{count(len(self.start_values), 'interval')}{switching}"
@@ -47,10 +52,14 @@ class TorqueProfile:
     def __call__(self, t: ArrayLike) -> Array:
         """Return the torque at times t [s], N m; the value after a jump, and at the end the last one."""
         t = plain_array("t", t)
-        k = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, self.start_values.size - 1)
-        along = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
-        value = self.start_values[k] + along * (self.end_values[k] - self.start_values[k])
+        k = np.minimum(np.maximum(self.edges.searchsorted(t, "right") - 1, 0), self.start_values.size - 1)
+        slope = (self.end_values - self.start_values) / np.diff(self.edges)
+        value = self.start_values[k] + slope[k] * (t - self.edges[k])
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
+
+    def torque(self, t: ArrayLike) -> Array:
+        """Return the torque at times t [s], N m, as calling the profile does."""
+        return self(t)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw the torque over time.
@@ -85,9 +94,9 @@ class TorqueProfile:
         return self.edges[1:-1][jumps]
 
     @property
-    def breakpoints(self) -> tuple[float, ...]:
+    def breakpoints(self) -> tuple[float, ...]:  # type: ignore[override]
         """Times at which the torque or its derivative is discontinuous, s."""
-        return tuple(float(t) for t in self.edges[1:])
+        return tuple(self.edges[1:].tolist())
 
     @property
     def peak(self) -> float:

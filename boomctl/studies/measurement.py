@@ -1,5 +1,6 @@
 """Modes and a model from a file of measurements, with a report, for ``boomctl identify``."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
+from boomctl.exceptions import BoomctlWarning
 from boomctl.files import json_text, read_numbers
 from boomctl.identification.files.frequency_response import read_frequency_response
 from boomctl.identification.identify import IdentificationResult, identify
@@ -99,7 +101,10 @@ def identified_file(
         if name in ("frequency_range_hz", "intersample") and value is not None
     }
     quantity = options.get("quantity") or "displacement"
-    return result, _report(path, result, estimate_frequency_response(driven, moved, step, quantity=quantity, **said))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", BoomctlWarning)  # of the record: `identify` has issued them
+        response = estimate_frequency_response(driven, moved, step, quantity=quantity, **said)
+    return result, _report(path, result, response)
 
 
 def _columns(path: Path) -> Mapping[str, Array] | None:
