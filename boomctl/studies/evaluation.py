@@ -10,7 +10,9 @@ from datetime import date
 from typing import Any
 
 from boomctl import __version__
+from boomctl.analysis.box.robustness import RobustStability
 from boomctl.analysis.box.scheduled import ScheduledController
+from boomctl.analysis.box.worst_case import WorstCase
 from boomctl.exchange.controller_files import controller_contents
 from boomctl.printing import compact, table_html
 from boomctl.report import Report, Section, Table, number
@@ -62,6 +64,8 @@ class Finding:
         results without a claim, such as the largest value of some runs.
     key : str
         Name in ``results.json``; empty if it is not there.
+    method : str
+        Method that verifies the value.
     """
 
     name: str
@@ -69,6 +73,7 @@ class Finding:
     value: Any = None
     proved: bool | None = None
     key: str = ""
+    method: str = ""
 
     __repr__ = compact
 
@@ -96,6 +101,27 @@ def _cell(value: Any) -> str:
 def word_table(texts: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
     """Return texts by name as a table."""
     return Table(heads, tuple(texts.items()), align="l")
+
+
+def stability_finding(name: str, result: RobustStability, K: Any) -> Finding:
+    """Return stability over a box of parameters, with a controller or without one."""
+    return Finding(name, result.summary, result, result.proved, method=box_method("zero exclusion", result, K))
+
+
+def box_method(how: str, result: RobustStability | WorstCase, K: Any) -> str:
+    """Return how a result over a box of parameters is verified; the loops of a discrete controller are approximated."""
+    loops = " of polynomials" if getattr(K, "dt", 0) else ""
+    return f"{how}{loops}; cells: {result.method}" if result.method else "evaluated points"
+
+
+def finding_table(*columns: Iterable[Finding], heads: tuple[str, ...] = ("value",), align: str = "l") -> Table:
+    """Return quantities, their values in one or several evaluations, their units, and the methods that verify them."""
+    lines = []
+    for row in zip(*columns, strict=True):
+        quantity, _, unit = row[0].name.partition(" [")
+        methods = dict.fromkeys(item.method for item in row if item.method)
+        lines.append((quantity, *(item.text for item in row), unit.removesuffix("]"), "; ".join(methods)))
+    return Table(("quantity", *heads, "unit", "verified by"), tuple(lines), align=align)
 
 
 class Evaluation(ABC):

@@ -18,10 +18,10 @@ from boomctl.checks import instance, known, names, positive, signal_name
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
-from boomctl.report import Section, Table
+from boomctl.report import Section, Table, number
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
-from boomctl.studies.evaluation import Design, Evaluation, word_table
+from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_table, stability_finding, word_table
 from boomctl.threads import one_blas_thread
 
 
@@ -191,10 +191,19 @@ class MachineResult(Evaluation):
     def _sections(self) -> Iterator[Section]:
         from boomctl.plotting.canvas import figure_of, picture
 
-        drawn = figure_of(SigmaComparison({"without controller": self.before, "with controller": self.after}).plot)
         caption = f"Singular values from {', '.join(self.after.input_labels)} to {', '.join(self.after.output_labels)}."
         yield Section("Synthesis", self.design.notes, (word_table(self.words),) if self.words else ())
-        yield Section("Singular values", pictures=(picture("sigma", drawn, caption),))
+        held = Finding("closed loop", "stable" if self.stable else "NOT stable", method="poles of the loop")
+        peaks = {"without controller": self.before, "with controller": self.after}
+        checked = [held] + [
+            Finding(f"largest singular value {name}", number(item.peak, 4), method=item.certificate.method)
+            for name, item in peaks.items()
+        ]
+        if self.robust is not None:
+            checked.append(stability_finding("stability over the family", self.robust, self.design.controller))
+        yield Section("Verification", tables=(finding_table(checked),))
+        drawn = picture("sigma", figure_of(SigmaComparison(peaks).plot), caption)
+        yield Section("Singular values", pictures=(drawn,))
         if self.margins is not None:
             heads, *lines = self.margins._table()
             yield Section("Margins", tables=(Table(heads, tuple(lines)),))

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,17 @@ from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.comparison import SlewComparison, compare_slews
 from boomctl.slew.least_time.switching_function import SwitchingFunction, switching_function
 from boomctl.slew.result import Replay, SlewResult
-from boomctl.studies.evaluation import Design, Evaluation, table_of
+from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_table, table_of
 from boomctl.threads import one_blas_thread
 
 _MORE = 0.1  # excess of the simulated tip mass over the largest planned one, in the tracking test [kg]
 _AFTER = 2.0  # duration of the animation after the end of the slew [s]
+_REPLAY = "replay by another integrator"
+_OPTIMAL = {
+    "proved": "duality or Pontryagin's principle",
+    "extremal": "Pontryagin's conditions",
+    "stationary": "cost on another mesh",
+}
 _RTOL, _ATOL = 1e-7, 1e-9  # solver tolerances of motions, for errors far below 1 mm
 _OF_SLEW = (
     "objective", "duration", "cost", "terminal_error", "residual_energy", "time", "torque", "hub_angle", "hub_speed",
@@ -213,7 +220,16 @@ class SlewEvaluation(Evaluation):
         ]
         if result.n_switches is not None:
             words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.torque_profile.switching_times)} s.")
-        yield Section("The slew", (*words, *design.notes), pictures=(_drawn("slew", slew.plot, caption),))
+        certain = {
+            "end error": (result.terminal_error, _REPLAY),
+            "limits exceeded by": (result.constraint_violation, _REPLAY),
+            "optimality gap": (result.optimality_gap, _OPTIMAL[result.optimality_status]),
+        }
+        checked = [
+            Finding(f"{name}, relative", number(x, 2), method=how) for name, (x, how) in certain.items() if x < inf
+        ]
+        drawn = _drawn("slew", slew.plot, caption)
+        yield Section("The slew", (*words, *design.notes), (finding_table(checked),), (drawn,))
         beam, motions = design.beam.with_tip_mass(self.film_tip_mass), {}
         time = np.linspace(0.0, slew.duration + _AFTER, 601)
         for name in (design._label, design.reference_slew or design._rigid):

@@ -119,7 +119,7 @@ def families(monkeypatch):
 
     def proved(family, *_, **__):
         found.append(family)
-        return SimpleNamespace(summary="", proved=True, upper_bound=1.0)
+        return SimpleNamespace(summary="", method="", proved=True, upper_bound=1.0)
 
     for name in ("robust_stability", "worst_case"):
         monkeypatch.setattr(assurance, name, proved)

@@ -37,7 +37,8 @@ def test_slew_report_has_numbers_and_pictures_of_slew(tmp_path):
     assert stored["hub_angle"][-1] == pytest.approx(0.6, abs=1e-6)
     assert stored["comparison"][0]["name"] == "minimum time"
     assert html.count("<img") == 4
-    assert html.count("<table>") == 3
+    assert html.count("<table>") == 4
+    assert "<td class=l>replay by another integrator</td>" in html
     assert "http" not in html
     for name in ("slew.png", "comparison.png", "switching.png", "slew.gif"):
         assert (tmp_path / name).stat().st_size > 5000

@@ -27,7 +27,7 @@ from boomctl.exceptions import MarginLossWarning
 from boomctl.lti.python_control import control
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
-from boomctl.studies.evaluation import Finding
+from boomctl.studies.evaluation import Finding, box_method, stability_finding
 from boomctl.studies.suspension.performance import InField
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, FAMILY_ELEMENTS, MASS, SPRING, STROKES
 from boomctl.synthesis.plants.symmetry import split_controller
@@ -109,9 +109,8 @@ class Examined(InField):
         stiffest = spring_for_yaw(replace(self.p, **dampers), MEASURED_YAW_HZ, FAMILY_ELEMENTS)
         band, springs = self.scene.accelerometer_bandwidth_hz, {"spring_stiffness": (self.p.spring_stiffness, stiffest)}
         stiffer = family_of(springs, self.p.replace, "yaw", "finite", FAMILY_ELEMENTS, "displacement", band)
-        stable = robust_stability(stiffer, K)
         name = f"yaw frequency from Table 2 to the measured {MEASURED_YAW_HZ:g} Hz"
-        return Finding(name, stable.summary, stable, stable.proved)
+        return stability_finding(name, robust_stability(stiffer, K), K)
 
     def worst_deposit(self) -> Finding:
         """Return the least even deposit of runs over the field at the corners of the box: not proved between them."""
@@ -121,18 +120,20 @@ class Examined(InField):
         text = (
             f"CV {100 * cv:.3g} % at spring {spring:g}, mass {mass:g}: the worst of {len(corners)} corners, not proved"
         )
-        return Finding("worst deposit found there", text, cv, key="deposit_cv_found_over_box")
+        method = "simulation at the corners"
+        return Finding("worst deposit found there", text, cv, key="deposit_cv_found_over_box", method=method)
 
     def on_a_finer_mesh(self) -> Finding:
         """Return whether the sampled loop is stable with so many elements."""
         largest = float(np.abs(self.to_tips(self.model(_FINE)).poles()).max())
         text = f"{'stable' if largest < 1.0 else 'NOT stable'}: largest pole {largest:.5f}"
-        return Finding(f"mesh of {_FINE} elements", text, largest, largest < 1.0)
+        return Finding(f"mesh of {_FINE} elements", text, largest, largest < 1.0, method="poles of the loop")
 
     def on_the_exact_boom(self, curves: SigmaResult) -> Finding:
         """Return stability with the exact beam, by winding number; without a controller its largest singular value."""
         if self.K is None:
-            return Finding("exact boom", f"largest singular value there {curves.peak:.4g}", curves)
+            text = f"largest singular value there {curves.peak:.4g}"
+            return Finding("exact boom", text, curves, method="response of the exact beam")
         poles = self.model(_EXACT_ELEMENTS).to_statespace().poles()
         result = nyquist_stability(self.exact_plant, self.K, poles[np.argsort(np.abs(poles))][:_EXACT_POLES])
         verdict = "stable" if result.stable else f"NOT stable, {result.unstable_poles} unstable poles"
@@ -140,7 +141,7 @@ class Examined(InField):
             f"{verdict}: winding number {result.encirclements} of det(I - G K), followed over {result.nfev}"
             f" frequencies; largest singular value of the loop there {curves.peak:.4g}"
         )
-        return Finding("exact boom", text, result, result.stable)
+        return Finding("exact boom", text, result, result.stable, method="winding number with the exact beam")
 
     def exact_plant(self, omega: Array) -> control.FrequencyResponseData:
         """Return the frequency response of the exact boom to platform and suspension; signals as of its model.
@@ -187,17 +188,14 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
 def margins_finding(margins: Margins) -> Finding:
     """Return the margins of the first loop."""
     loop = margins.loops[0]
-    upwards = f"gain from {loop.gain_margin[0]:.2g} times upwards"
-    gains = (
-        f"gain from {loop.gain_margin[0]:.2g} to {loop.gain_margin[1]:.3g} times"
-        if loop.gain_margin[1] < inf
-        else upwards
-    )
+    low, high = loop.gain_margin
+    gains = f"gain from {low:.2g} " + (f"to {high:.3g} times" if high < inf else "times upwards")
     phase = f"phase {loop.phase_margin_deg:.0f} degrees" if loop.phase_margin_deg < inf else "any phase"
     late = f"delay {1e3 * loop.delay_margin:.0f} ms" if loop.delay_margin < inf else "any delay"
     verified = "verified" if loop.disk_margin.verified else "NOT verified"
     text = f"{gains}, {phase}, {late}; disk margin {loop.disk_margin.alpha:.2f} ({verified})"
-    return Finding("margins at the actuator", text, margins, loop.disk_margin.verified or None)
+    method = "crossings in the response of the loop"
+    return Finding("margins at the actuator", text, margins, loop.disk_margin.verified or None, method=method)
 
 
 def _over_the_box(
@@ -208,9 +206,8 @@ def _over_the_box(
     delay: float,
 ) -> Iterator[Finding]:
     """Yield stability and the largest peak over springs and masses; forces of a discrete controller act later [s]."""
-    stable = robust_stability(family, K, delay=delay)
-    yield Finding("springs ±30 %, boom mass ±20 %", stable.summary, stable, stable.proved)
+    yield stability_finding("springs ±30 %, boom mass ±20 %", robust_stability(family, K, delay=delay), K)
     worst = worst_case(family, K, inputs, outputs, delay=delay)
     bounded = worst.upper_bound < inf
     name = f"worst peak there, {'proved' if bounded else 'found'}"
-    yield Finding(name, worst.summary, worst, bounded or None)
+    yield Finding(name, worst.summary, worst, bounded or None, method=box_method("branch and bound", worst, K))

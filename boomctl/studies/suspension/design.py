@@ -1,7 +1,7 @@
 """A suspension and its evaluation: comparison with the passive boom, margins, proofs, a simulation on the field."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf, log10
 from typing import Any
 
@@ -17,7 +17,7 @@ from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.report import Section, Table, number
 from boomctl.structure.families import AffineFamily
-from boomctl.studies.evaluation import Design, Evaluation, Finding, numbers, word_table, words
+from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_table, numbers, word_table, words
 from boomctl.studies.suspension.assurance import Examined
 from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance, evaluate_suspension
 from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScenario
@@ -164,8 +164,7 @@ class SuspensionResult(Evaluation):
         dict
             By "jolt" and "yaw", or by "boom".
         """
-        result = {item.name: item.value for item in self.findings if isinstance(item.value, kind)}
-        return {name.split(": ")[0] if ": " in name else "boom": value for name, value in result.items()}
+        return {_part(item): item.value for item in self.findings if isinstance(item.value, kind)}
 
     @property
     def worst(self) -> Mapping[str, WorstCase]:
@@ -214,11 +213,12 @@ class SuspensionResult(Evaluation):
 
         design, scene, before, after = self.design, self.scene, self.passive, self.active
         p, base, titles = design.parameters, BoomParameters(), (before.title, after.title)
-        pairs = zip(before.findings, after.findings, strict=True)
-        rows = [(*_quantity(one.name), one.text, other.text) for one, other in pairs]
-        run, heads = [name for name, *_ in rows].index("largest stroke"), ("quantity", "unit", *titles)
-        compared = Table(heads, (*rows[:3], *self._bounds(), *rows[3:run]), align="llr")
-        yield Section("Passive and active boom", design.notes, (compared,))
+        run, bounds = [item.key for item in before.findings].index("stroke"), [*self._bounds()]
+        blank, look = [replace(item, text="-", method="") for item in bounds], {"heads": titles, "align": "lrrl"}
+        columns = (
+            (*part.findings[:3], *more, *part.findings[3:run]) for part, more in ((before, blank), (after, bounds))
+        )
+        yield Section("Passive and active boom", design.notes, (finding_table(*columns, **look),))
         text = (
             f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
             f" {scene.accelerometer_bandwidth_hz:g} Hz. The static gain from yaw of the platform to the tips is"
@@ -247,7 +247,7 @@ class SuspensionResult(Evaluation):
                 "Each line is computed independently of the synthesis. Springs and boom mass are relative to those of the"
                 f" design; over them the boom has {FAMILY_ELEMENTS} elements unless the design has a plant of its own."
             )
-            yield Section("Verification", (text,), (word_table(words(self.findings), ("quantity", "result")),))
+            yield Section("Verification", (text,), (finding_table(self.findings),))
         text = (
             f"All of the field is assumed: {' '.join(repr(scene).split())}. The tractor has {scene.tractor.mass:g} kg, a"
             f" wheelbase of {scene.tractor.wheelbase:g} m and a track of {scene.tractor.track_width:g} m; a controller is"
@@ -257,14 +257,14 @@ class SuspensionResult(Evaluation):
         limits, span = (scene.control_limit, scene.end_stop), (start, start + length)
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
-        yield Section("Simulation on the field", (text,), (Table(heads, tuple(rows[run:]), align="llr"),), (shown,))
+        driven = finding_table(before.findings[run:], after.findings[run:], **look)
+        yield Section("Simulation on the field", (text,), (driven,), (shown,))
         drawn = new_figure(9.0, 5.1)
         for ax, item in zip(drawn.subplots(2, 1), (before, after), strict=True):
             item.spray.plot(ax, label=item.title, length=_FIELD)
         text = f"Deposit relative to the nominal dose, in cells of 0.1 m by 0.1 m. Assumed of each nozzle: {Footprint()!r}."
-        shown = picture(
-            "deposit", drawn, "Deposit of the passive and the active boom.", "png", "svg"
-        )  # so many cells are shown as PNG
+        # So many cells are shown as PNG.
+        shown = picture("deposit", drawn, "Deposit of the passive and the active boom.", "png", "svg")
         yield Section("Spray on the field", (text,), pictures=(shown,))
 
     def controller_files(self) -> dict[str, bytes | str]:
@@ -277,19 +277,21 @@ class SuspensionResult(Evaluation):
         """
         return self._controller_files(words(self.findings), self.active.run.sample_time, self.scene.control_limit)
 
-    def _bounds(self) -> Iterator[tuple[str, str, str, str]]:
-        """Yield lines of a table with the worst peaks over the box where they are bounded."""
-        for name, result in self.worst.items():
-            if result.upper_bound < inf:
-                bound = number(float(from_on(result.upper_bound, PEAK_DIGITS)), PEAK_DIGITS)  # not rounded downwards
-                text = f"{bound} at most (gap {100 * result.relative_gap:.2g} %)"
-                yield f"worst peak of the {name}, springs ±30 %, boom mass ±20 %: proved", "", "-", text
+    def _bounds(self) -> Iterator[Finding]:
+        """Yield the worst peaks over the box where they are bounded."""
+        for item in self.findings:
+            if isinstance(item.value, WorstCase) and item.value.upper_bound < inf:
+                bound = number(
+                    float(from_on(item.value.upper_bound, PEAK_DIGITS)), PEAK_DIGITS
+                )  # not rounded downwards
+                text = f"{bound} at most (gap {100 * item.value.relative_gap:.2g} %)"
+                name = f"worst peak of the {_part(item)}, springs ±30 %, boom mass ±20 %: proved"
+                yield replace(item, name=name, text=text)
 
 
-def _quantity(name: str) -> tuple[str, str]:
-    """Return the name of a quantity, and its unit in brackets behind it."""
-    quantity, _, unit = name.partition(" [")
-    return quantity, unit.removesuffix("]")
+def _part(item: Finding) -> str:
+    """Return the part of the boom that a finding is of."""
+    return item.name.split(": ")[0] if ": " in item.name else "boom"
 
 
 def _formula(weight: control.StateSpace) -> str:

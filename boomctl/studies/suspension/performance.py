@@ -26,6 +26,7 @@ from boomctl.threads import one_blas_thread
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], in addition to those that resolve the peaks.
 PEAK_DIGITS = 4  # Significant digits of peaks in tables.
+_RUN = "simulation"
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,7 @@ class Performance:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The results for tables: verified peaks, spray, and from the largest stroke on the run."""
-        spray, controlled = self.spray, self.run.saturation_fraction
+        spray, controlled, hits = self.spray, self.run.saturation_fraction, len(self.run.stop_contacts)
         force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if controlled else ("-", "-")
         return (
             _peak("verified peak, platform to tips", self.sigma.certificate, "peak"),
@@ -73,16 +74,14 @@ class Performance:
             _percent("deposit CV [%]", spray.cv, "deposit_cv"),
             _percent("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
             _percent("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
-            Finding("doses", f"{spray.min_dose:.2f} to {spray.max_dose:.2f}"),
+            Finding("doses", f"{spray.min_dose:.2f} to {spray.max_dose:.2f}", method=_RUN),
             _percent("RMS tip speed over driving speed [%]", spray.relative_tip_speed),
             _percent("deposit CV by jolt alone [%]", self.spray_by_jolt.cv, "deposit_cv_jolt"),
             _percent("deposit CV by yaw alone [%]", self.spray_by_yaw.cv, "deposit_cv_yaw"),
-            Finding("largest stroke [mm]", f"{1e3 * self.stroke:.1f}", self.stroke, key="stroke"),
-            Finding(
-                "end stops hit", str(len(self.run.stop_contacts)), len(self.run.stop_contacts), key="end_stops_hit"
-            ),
-            Finding("largest force [N]", force, self.force, key="force"),
-            Finding("largest force rate [N/s]", rate, self.force_rate, key="force_rate"),
+            Finding("largest stroke [mm]", f"{1e3 * self.stroke:.1f}", self.stroke, key="stroke", method=_RUN),
+            Finding("end stops hit", str(hits), hits, key="end_stops_hit", method=_RUN),
+            Finding("largest force [N]", force, self.force, key="force", method=_RUN),
+            Finding("largest force rate [N/s]", rate, self.force_rate, key="force_rate", method=_RUN),
             _percent("time at the force limit [%]", max(controlled.values(), default=0.0)),
         )
 
@@ -127,11 +126,11 @@ class Performance:
 
 def _peak(name: str, bounds: NormBounds, key: str) -> Finding:
     text = number(bounds.lower_bound, PEAK_DIGITS) + ("" if bounds.verified else ", NOT verified")
-    return Finding(name, text, bounds.lower_bound, bounds.verified, key)
+    return Finding(name, text, bounds.lower_bound, bounds.verified, key, bounds.method)
 
 
 def _percent(name: str, value: float, key: str = "") -> Finding:
-    return Finding(name, f"{100 * value:.2f}", value, key=key)
+    return Finding(name, f"{100 * value:.2f}", value, key=key, method=_RUN)
 
 
 @one_blas_thread
