@@ -21,6 +21,7 @@ border-collapse:collapse;margin:.8rem 0;font-variant-numeric:tabular-nums;font-s
 th,td{padding:.22rem .6rem;text-align:right;vertical-align:top;border-bottom:1px solid #e4e4e4}th{background:#f3f5f7}
 .l{text-align:left}td.l:first-child{min-width:8rem}img{max-width:100%;height:auto}
 figcaption,.note{color:#444;font-size:.9rem}figure{margin:1rem 0}
+iframe{width:100%;height:92vh;border:1px solid #ccc}
 """
 
 
@@ -135,38 +136,35 @@ class Report:
 
 def bound_reports(title: str, reports: Sequence[tuple[str, str]]) -> str:
     """Return several reports (heading, HTML document) in one document that refers to nothing outside itself."""
-    parts = [
-        f"<h2>{escape(head)}</h2><iframe title='{escape(head)}' srcdoc='{escape(html)}'></iframe>"
-        for head, html in reports
-    ]
+    frame = "<h2>{0}</h2><iframe title='{0}' srcdoc='{1}'></iframe>"
+    parts = (frame.format(escape(head), escape(html)) for head, html in reports)
     return _document(title, "\n".join([f"<h1>{escape(title)}</h1>", *parts]))
 
 
 def _document(title: str, body: str) -> str:
-    frame = "iframe{width:100%;height:92vh;border:1px solid #ccc}\n"
     return (
         f"<!doctype html>\n<html lang='en'><head><meta charset='utf-8'><title>{escape(title)}</title>"
-        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}{frame}</style></head><body>\n"
+        f"<meta name='viewport' content='width=device-width'><style>{_STYLE}</style></head><body>\n"
         f"{body}\n</body></html>\n"
     )
 
 
 def _section(section: Section) -> str:
-    parts = [f"<h2>{escape(section.title)}</h2>"]
-    parts += [f"<p>{escape(text)}</p>" for text in section.text]
-    parts += [_table(table) for table in section.tables]
-    parts += [_figure(picture) for picture in section.pictures]
-    return "\n".join(parts)
+    text = (f"<p>{escape(words)}</p>" for words in section.text)
+    return "\n".join(
+        [f"<h2>{escape(section.title)}</h2>", *text, *map(_table, section.tables), *map(_figure, section.pictures)]
+    )
 
 
 def _table(table: Table) -> str:
     columns = table.align.ljust(len(table.heads), table.align[-1])[: len(table.heads)]
 
     def row(tag: str, cells: tuple[str, ...]) -> str:
-        return "".join(
-            f"<{tag}{' class=l' if side == 'l' else ''}{_shade(cell, table.shades)}>{escape(cell)}</{tag}>"
-            for side, cell in zip(columns, cells, strict=True)
-        )
+        result = ""
+        for side, cell in zip(columns, cells, strict=True):
+            shade = f" style='background:{table.shades[cell]}'" if cell in table.shades else ""
+            result += f"<{tag}{' class=l' if side == 'l' else ''}{shade}>{escape(cell)}</{tag}>"
+        return result
 
     def heading(line: tuple[str, ...]) -> str:
         return f"<th class=l colspan={len(columns)}>{escape(line[0])}</th>"
@@ -176,10 +174,6 @@ def _table(table: Table) -> str:
     )
     caption = f"<p class='note'>{escape(table.caption)}</p>" if table.caption else ""
     return f"<table><thead><tr>{row('th', table.heads)}</tr></thead><tbody>\n{lines}\n</tbody></table>{caption}"
-
-
-def _shade(cell: str, shades: Mapping[str, str]) -> str:
-    return f" style='background:{shades[cell]}'" if cell in shades else ""
 
 
 def _figure(picture: Picture) -> str:

@@ -90,14 +90,10 @@ def _libraries() -> "dict[bool, list[LibController]]":
 
 def _set_threads(counts: "list[tuple[LibController, int]]") -> None:
     """Set numbers of threads, from any thread of Python: threadpoolctl leaves that to the first one until it is cleared."""
-    if not counts:
-        return
-    clear = next(filter(None, (getattr(library, "clear_controlling_thread", None) for library, _ in counts)), None)
-    if clear is not None:
-        clear(force=True)
     for library, threads in counts:
+        clear = getattr(library, "clear_controlling_thread", lambda force: None)
+        clear(force=True)
         library.set_num_threads(threads)
-    if clear is not None:
         clear(force=True)
 
 

@@ -31,9 +31,8 @@ def draw_figure_3(
             linestyle = next(value for key, value in _LINES.items() if name.startswith(key))
             curve.plot(ax, frequency_unit="Hz", label=name, linestyle=linestyle, color=COLORS[(5, 1, 0)[i]])
         for k, freq in enumerate(measured_hz):
-            ax.axvline(
-                freq, color="#777777", linewidth=0.8, dashes=(2, 2), label="measured frequency" if k == 0 else None
-            )
+            label = None if k else "measured frequency"
+            ax.axvline(freq, color="#777777", linewidth=0.8, dashes=(2, 2), label=label)
         if measured is not None:
             measured.plot(ax, color=COLORS[2])
         ax.set_xlim(0.1, 10.0)
@@ -45,9 +44,7 @@ def draw_figure_3(
         for name, largest in deviation.items():
             linestyle, color = ("--", COLORS[0]) if name.startswith("finite") else (":", COLORS[1])
             below.loglog(freq_hz, np.maximum(100.0 * largest, 1e-6), linestyle, color=color)
-        below.set_ylim(1e-3, 1e3)
-        below.set_ylabel("off the exact\nbeam by [%]")
-        below.set_xlabel("frequency [Hz]")
+        below.set(ylim=(1e-3, 1e3), ylabel="off the exact\nbeam by [%]", xlabel="frequency [Hz]")
     return figure
 
 
@@ -104,18 +101,12 @@ def draw_friction(study: Any, frequency_range_hz: tuple[float, float] = (2.5, 3.
         top.set_title(f"Platform moved by {1e3 * study.amplitude:g} mm; lines with friction: describing function")
         below.set_ylim(0.4, 8.0)
         below.set_yticks([0.5, 1.0, 2.0, 4.0], ["0.5", "1", "2", "4"])
-        below.set_ylabel("lower singular value\nover the linear one")
-        below.set_xlabel("frequency [Hz]")
-        top.annotate(
-            "measured below\ncomputed here",
-            (np.sqrt(frequency_range_hz[0] * frequency_range_hz[1]), 0.055),
-            ha="center",
-            fontsize=7,
-        )
+        below.set(ylabel="lower singular value\nover the linear one", xlabel="frequency [Hz]")
+        middle = np.sqrt(frequency_range_hz[0] * frequency_range_hz[1])
+        top.annotate("measured below\ncomputed here", (middle, 0.055), ha="center", fontsize=7)
         _ticks(below, freq_hz)
-        top.plot(
-            [], [], "o", color="#444444", markersize=3.2, fillstyle="none", label="stick-slip simulated, stepped sine"
-        )
+        look = {"color": "#444444", "markersize": 3.2, "fillstyle": "none"}
+        top.plot([], [], "o", label="stick-slip simulated, stepped sine", **look)
         figure.legend(*top.get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
@@ -132,9 +123,8 @@ def _reading(top: Any, below: Any, study: Any, reading: Any, color: str) -> None
 
 
 def _ticks(ax: Any, freq_hz: Any) -> None:
-    ticks = [
-        f for f in (0.4, 0.6, 1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6) if freq_hz[0] <= f * 1.001 and f <= freq_hz[-1] * 1.001
-    ]
+    low, high = freq_hz[0] / 1.001, freq_hz[-1] * 1.001
+    ticks = [f for f in (0.4, 0.6, 1, 1.5, 2, 2.5, 3, 3.5, 4, 5, 6) if low <= f <= high]
     ax.set_xlim(freq_hz[0], freq_hz[-1])
     ax.set_xticks(ticks, [f"{f:g}" for f in ticks])
     ax.minorticks_off()

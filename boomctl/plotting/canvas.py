@@ -33,10 +33,7 @@ UNITS = {"Hz": 2.0 * np.pi, "rad/s": 1.0}
 """Units of a frequency axis, with the value of each in rad/s."""
 
 IN_A_ROW = 3  # panels in a row
-_DECADES, _FRACTION = (
-    0.9,
-    0.4,
-)  # decades below which some minor ticks are labeled, and below which all are
+_DECADES = 0.9, 0.4  # decades below which some minor ticks are labeled, and below which all are
 _SETTINGS = RLock()  # matplotlib's settings belong to the whole process: one thread at a time may change them
 
 
@@ -150,9 +147,7 @@ def _axes(ax: Any, names: Sequence[str], size: tuple[float, float], divide: Divi
             raise TypeError(f"ax = {shown(ax)}: expected matplotlib axes, or {many}")
         if len(axes) != len(names):
             raise ValueError(f"ax: expected {len(names)} axes ({', '.join(names)}), got {len(axes)}")
-    result = np.empty(len(axes), dtype=object)
-    result[:] = axes
-    return result
+    return np.fromiter(axes, object, len(axes))
 
 
 def line_look(style: Mapping[str, Any], **default: Any) -> dict[str, Any]:
@@ -172,12 +167,9 @@ def line_look(style: Mapping[str, Any], **default: Any) -> dict[str, Any]:
             close = get_close_matches(name, there, n=1, cutoff=0.6)
             hint = f"; did you mean {close[0]!r}?" if close else _OF_OTHERS.get(name, "")
             raise TypeError(f"plot() got an unexpected keyword argument {name!r}, which is no property of a line{hint}")
-    own = default.get("label")
-    if properties.get("label") is not None and own is not None:
-        properties["label"] = f"{properties['label']}: {own}"
-    elif properties.get("label") is None:
-        properties.pop("label", None)
-    return default | properties
+    given, own = properties.pop("label", None), default.get("label")
+    named = {} if given is None else {"label": given if own is None else f"{given}: {own}"}
+    return default | properties | named
 
 
 def in_rows(count: int) -> tuple[int, int, Divide]:
@@ -229,7 +221,7 @@ def few_labels(ax: Any) -> None:
     """Label the ticks between the decades of logarithmic axes only where there are few decades, so that none touch."""
     for axis in (ax.xaxis, ax.yaxis):
         if axis.get_scale() == "log":
-            axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=(_DECADES, _FRACTION)))
+            axis.set_minor_formatter(LogFormatterSciNotation(minor_thresholds=_DECADES))
 
 
 def reserves_space(ax: Any) -> bool:
@@ -300,9 +292,7 @@ def figure_bytes(figure: Any, kind: str) -> bytes:
     """Return a figure as a file's content, ``kind`` ``"png"`` or ``"svg"``: the same one whenever it is drawn."""
     buffer = io.BytesIO()
     metadata = {"Date": None} if kind == "svg" else {}
-    with (
-        _SETTINGS,
-        mpl.rc_context({"svg.hashsalt": _LOOK["svg.hashsalt"]}),
-    ):  # names within an SVG are otherwise drawn by lot
+    # Names within an SVG are otherwise drawn by lot.
+    with _SETTINGS, mpl.rc_context({"svg.hashsalt": _LOOK["svg.hashsalt"]}):
         figure.savefig(buffer, format=kind, metadata=metadata)
     return buffer.getvalue()

@@ -48,8 +48,7 @@ def _draw_eigenfrequencies(result: "FitResult", ax: Any, drawn: dict[str, Any]) 
     ax.plot(modes, result.best_fit, **{**look, "label": "fitted", **drawn})
     ax.set_yscale("log")
     ax.set_xticks(modes)
-    ax.set_xlabel("mode of the model")
-    ax.set_ylabel("frequency [Hz]")
+    ax.set(xlabel="mode of the model", ylabel="frequency [Hz]")
 
 
 def _of_set(k: int) -> int:
@@ -101,10 +100,8 @@ def plot_response(
         for o, coherence in enumerate(response.coherence):
             named = response.output_labels[o] if len(size) <= len(COLORS) else None
             axes[1].plot(omega, coherence, **line_look(drawn, color=COLORS[o % len(COLORS)], label=named))
-        axes[0].set_yscale("log")
-        axes[0].set_ylabel("magnitude")
-        axes[1].set_ylabel("coherence")
-        axes[1].set_ylim(0.0, 1.05)
+        axes[0].set(yscale="log", ylabel="magnitude")
+        axes[1].set(ylabel="coherence", ylim=(0.0, 1.05))
         for item in axes:
             item.set_xscale("log")
             legend(item)

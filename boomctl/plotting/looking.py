@@ -13,7 +13,7 @@ from boomctl.checks import names
 from boomctl.lti.frequency import MODES
 from boomctl.lti.rounding import SUMMED
 from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, in_rows, legend, line_look, over_time, panels
-from boomctl.plotting.margins import MARGIN, NARROW, SHADE, WIDE, draw_critical
+from boomctl.plotting.margins import MARGIN, NARROW, SHADE, WIDE, draw_critical, draw_curve, farthest, frame
 
 if TYPE_CHECKING:
     from boomctl.analysis.looking.bode import BodeResult
@@ -111,15 +111,13 @@ def _around(ax: Any, curve: Array, disk: "DiskMargin | None", said: str, name: s
     fresh = not ax.has_data()
     look = line_look(style, color=COLORS[0], marker="." if len(np.unique(curve)) == 1 else "none", label=said)
     draw_critical(ax, disk if fresh else None)
-    ax.plot(curve.real, curve.imag, **look)
-    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
     half = float(np.clip(MARGIN * np.percentile(np.abs(curve), 90), NARROW, WIDE))
     half = half if fresh else max(half, ax.get_xlim()[1])
+    draw_curve(ax, curve, half, name, look)
     _arrows(ax, curve, half, look["color"])
     if disk is not None and fresh:
         status = "" if disk.verified else ", not verified"
         ax.plot([], [], color=SHADE, linewidth=6, label=f"critical disk: margin {disk.alpha:.3g}{status}")
-    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel=f"Re({name})", ylabel=f"Im({name})")
     legend(ax, "above left", fontsize=7, alignment="left")
 
 
@@ -129,9 +127,8 @@ def _smooth(curve: Array) -> Array:
 
     steps = np.abs(np.diff(curve))
     distinct = np.append(True, steps > SUMMED * np.abs(curve).max())
-    along = np.cumsum(
-        np.append(0.0, np.sqrt(np.abs(np.diff(curve[distinct]))))
-    )  # Square roots of the lengths avoid loops next to long steps.
+    # Square roots of the lengths avoid loops next to long steps.
+    along = np.cumsum(np.append(0.0, np.sqrt(np.abs(np.diff(curve[distinct])))))
     if len(along) < 3:
         return curve
     t = np.interp(np.arange(_BETWEEN * (len(along) - 1) + 1) / _BETWEEN, np.arange(len(along)), along)
@@ -234,9 +231,8 @@ def _damping_lines(ax: Any) -> None:
     if reach == 0.0 or high <= 0.0:
         return
     steep = reach / high  # ratio of real to imaginary part of the diagonal of the plot
-    near = [
-        z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep
-    ]  # Lines that are distinguishable.
+    # Lines that are distinguishable.
+    near = [z for z in _DAMPINGS if 0.15 * steep < z / np.sqrt(1.0 - z * z) < 6.0 * steep]
     for ratio in near[:: max(1, -(-len(near) // _LINES))]:
         slope = ratio / np.sqrt(1.0 - ratio * ratio)
         x = max(left, -slope * high)
@@ -276,9 +272,7 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
     common = [name for name in next(iter(there.values())) if all(name in available for available in there.values())]
     if what == "time":  # equal signals, such as disturbances, are omitted
         shapes = {name: [np.asarray(part[0][name]) for part in drawn.values()] for name in common}
-        differing = [
-            name for name, all_ in shapes.items() if any(not np.array_equal(all_[0], item) for item in all_[1:])
-        ]
+        differing = [name for name, (one, *rest) in shapes.items() if not all(np.array_equal(one, x) for x in rest)]
         common = common if len(signals) or not differing else differing
     chosen = common[: len(COLORS)] if not len(signals) else list(names("signal", signals, common))
     if not chosen:
@@ -301,9 +295,8 @@ def plot_comparison(what: str, drawn: dict[str, Any], ax: Any = None, *, signals
                 draw_critical(item, loop.disk_margin, outlined=look["color"])
                 words = f"{look['label']}: disk {loop.disk_margin.alpha:.3g}"
                 item.plot(L.real, L.imag, **(look | {"label": words}))
-                gains = [1.0 / g for g in loop.gain_margin if 0.0 < g < np.inf]
-                half = float(np.clip(MARGIN * max(gains, default=1.0), half, WIDE))
-            item.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
+                half = max(half, farthest(loop))
+            frame(item, half, "−L")
             legend(item, "above left", title=f"opened at {signal}", title_fontsize=8, fontsize=7, alignment="left")
     return axes
 

@@ -68,10 +68,8 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     across, up = np.cos(angle), np.sin(angle)
     if disk is not None and disk.gain_margin < _FLAT:
-        middle, radius = (
-            -0.5 * (disk.gain_margin + 1.0 / disk.gain_margin),
-            0.5 * (disk.gain_margin - 1.0 / disk.gain_margin),
-        )
+        gain = disk.gain_margin
+        middle, radius = -0.5 * (gain + 1.0 / gain), 0.5 * (gain - 1.0 / gain)
         if outlined is None:
             ax.fill(middle + radius * across, radius * up, color=SHADE, zorder=0)
         else:
@@ -82,19 +80,33 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
     ax.plot([-1.0], [0.0], "+", color="black", markersize=9, markeredgewidth=1.6)
 
 
+def draw_curve(ax: Any, curve: Array, half: float, name: str, look: dict[str, Any]) -> None:
+    """Draw a curve, its mirror image pale, in a square of a half-width; `name` is what is drawn."""
+    ax.plot(curve.real, curve.imag, **look)
+    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
+    frame(ax, half, name)
+
+
+def frame(ax: Any, half: float, name: str) -> None:
+    """Set the limits and labels of a square in the complex plane."""
+    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel=f"Re({name})", ylabel=f"Im({name})")
+
+
+def farthest(loop: "LoopMargin") -> float:
+    """Return the half-width of the square that shows the gain margins of a loop."""
+    far = [1.0, *(1.0 / factor for factor in loop.gain_margin if 0.0 < factor < np.inf)]
+    return float(np.clip(MARGIN * max(far), NARROW, WIDE))
+
+
 def _draw(ax: Any, loop: "LoopMargin", style: dict[str, Any]) -> None:
     omega, L = loop.loop_gain
     curve, disk = -L, loop.disk_margin
     look = line_look(style, color=COLORS[0], marker="." if len(L) == 1 else "none")  # a static loop is a point
-    far = [1.0, *(1.0 / factor for factor in loop.gain_margin if 0.0 < factor < np.inf)]
-    half = float(np.clip(MARGIN * max(far), NARROW, WIDE))
     draw_critical(ax, disk)
-    ax.plot(curve.real, curve.imag, **look)
-    ax.plot(curve.real, -curve.imag, **(look | {"alpha": 0.35, "linewidth": 0.8, "label": None}))
+    draw_curve(ax, curve, farthest(loop), "−L", look)
     for words, marked, marker, color in _marks(loop, omega, curve):
         look = {"marker": marker, "color": color, "markersize": 5, "markerfacecolor": "white", "linestyle": "none"}
         ax.plot(np.real(marked), np.imag(marked), label=words, **look)
-    ax.set(xlim=(-half, half), ylim=(-half, half), aspect="equal", xlabel="Re(−L)", ylabel="Im(−L)")
     legend(ax, "above left", title=f"Opened at {loop.signal}", title_fontsize=8, fontsize=7, alignment="left")
 
 

@@ -79,8 +79,7 @@ def _machine(
         ax.plot(rest[:, 0], rest[:, 1], color="0.75", linewidth=0.8, linestyle="--", zorder=0)
         ax.plot(moved[:, 0], moved[:, 1], **look)
     if flat:
-        ax.set_ylim(-1.25, 1.25)
-        ax.set_ylabel("shape")
+        ax.set(ylim=(-1.25, 1.25), ylabel="shape")
     else:
         ax.set_aspect("equal", adjustable="box")
         ax.margins(0.15)

@@ -29,11 +29,9 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
                 coordinates = _coordinates(points, calls)
                 if coordinates:
                     drawn_on.plot(*zip(*coordinates, strict=True), label=name, **looks[name])
-            drawn_on.set_xscale("log")
-            drawn_on.set_yscale("log")
+            drawn_on.set(xscale="log", yscale="log")
             _draw_front(drawn_on, _coordinates(diagram.front(calls), calls))
-            drawn_on.set_title(_CALLS[calls])
-            drawn_on.set_xlabel("relative error")
+            drawn_on.set(title=_CALLS[calls], xlabel="relative error")
         axes[0].set_ylabel("run time of a call [s]")
         for drawn_on in axes:
             few_labels(drawn_on)
@@ -45,14 +43,10 @@ def plot_precision(diagram: Any, ax: Any = None) -> Any:
 
 
 def _looks(methods: Mapping[str, Sequence[Any]]) -> dict[str, dict[str, Any]]:
-    marks = zip(cycle(COLORS), cycle(_MARKERS))
+    marks = zip(methods.items(), cycle(COLORS), cycle(_MARKERS))
     return {
-        name: {
-            "color": color,
-            "marker": marker,
-            "linestyle": "-" if points[0].ours else "--",
-        }
-        for (name, points), (color, marker) in zip(methods.items(), marks)  # noqa: B905 -- marks never end
+        name: {"color": color, "marker": marker, "linestyle": "-" if points[0].ours else "--"}
+        for (name, points), color, marker in marks
     }
 
 

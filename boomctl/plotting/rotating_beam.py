@@ -113,14 +113,10 @@ def _orders(ax: Axes, orders: tuple[float, ...], right: float, top: float) -> No
     for order in orders:
         end = min(right, 2.0 * np.pi * top / order)
         ax.plot([0.0, end], [0.0, order * end / (2.0 * np.pi)], color="0.65", linewidth=0.8, zorder=0)
-        side = (
-            {"ha": "left", "va": "center", "xytext": (3, 0)}
-            if end == right
-            else {"ha": "right", "va": "top", "xytext": (-3, -3)}
-        )
+        across, upright, offset = ("left", "center", (3, 0)) if end == right else ("right", "top", (-3, -3))
         ax.annotate(
             f"{order:g}×", (end, order * end / (2.0 * np.pi)), textcoords="offset points", fontsize=7, color="0.4",
-            annotation_clip=False, **side,
+            annotation_clip=False, ha=across, va=upright, xytext=offset,
         )  # fmt: skip
 
 
@@ -151,12 +147,8 @@ def _fill(ax: Axes, panel: Any) -> None:
             ax.set_xticks([], minor=True)
     else:
         ax.margins(x=0.0)
-    ax.set(
-        title=panel.title,
-        xlabel=panel.xlabel,
-        ylabel=panel.ylabel,
-        yscale="log" if "y" in panel.logarithmic else "linear",
-    )
+    scale = "log" if "y" in panel.logarithmic else "linear"
+    ax.set(title=panel.title, xlabel=panel.xlabel, ylabel=panel.ylabel, yscale=scale)
     if panel.ylim is not None:
         ax.set_ylim(*panel.ylim)
     if panel.legend:

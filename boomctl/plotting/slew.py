@@ -94,8 +94,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     with panels(ax, ("torque",), (6.4, 2.6)) as (axes,):
         look = line_look(style)
         _draw_torque(axes, history, look)
-        axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit))
-        axes.set_xmargin(_AROUND)
+        axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit), xmargin=_AROUND)
         if "label" in look:
             axes.legend()
     return axes
@@ -268,16 +267,13 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
             if planned is not None:
                 item.plot(study.time, planned, color="0.35", linewidth=0.8, linestyle="--", label="planned")
             item.axvline(study.duration, color="0.7", linewidth=0.8)
-            item.set_ylabel(label)
-            item.set_xmargin(0.0)
+            item.set(ylabel=label, xmargin=0.0)
         axes[1].legend(loc="upper right", ncols=2)
         axes[2].set_xlabel("time [s]")
         left = np.maximum(np.sort(study.residual_vibration), _NOTHING)
         fraction = np.arange(1, left.size + 1) / left.size
         axes[3].semilogx(np.append(left[0], left), np.append(0.0, fraction), **line_look(style, drawstyle="steps-post"))
-        axes[3].set_ylim(0.0, 1.02)
-        axes[3].set_ylabel("fraction of runs")
-        axes[3].set_xlabel("residual vibration [m]")
+        axes[3].set(ylim=(0.0, 1.02), ylabel="fraction of runs", xlabel="residual vibration [m]")
         how = "with feedback" if study.feedback else "feedforward only"
         axes[0].set_title(f"{study.residual_vibration.size} runs, {how}")
         axes[0].figure.align_ylabels(list(axes))

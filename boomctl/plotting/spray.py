@@ -55,8 +55,7 @@ def plot_deposit(
     options: dict[str, Any] = {"spacing": "uniform", "ticks": _STEPS, "extend": "max"} if "norm" not in style else {}
     with panels(ax, ("deposit",), (9.0, 2.95)) as (axes,):
         drawn = axes.pcolormesh(result.y_edges, result.x_edges, result.deposit, **look)
-        axes.set_xlim(begin, end)
-        axes.set_ylim(result.x_edges[across.start], result.x_edges[across.stop])
+        axes.set(xlim=(begin, end), ylim=(result.x_edges[across.start], result.x_edges[across.stop]))
         axes.grid(visible=False)
         axes.set_title(f"{label}\n{_figures(result)}", fontsize=8.5)
         axes.set(xlabel="along the drive [m]  (boom moves to the right)", ylabel="along boom [m]")
@@ -96,8 +95,7 @@ def plot_track(track: Track, ax: Any = None, **style: Any) -> Any:
     with panels(ax, ("height",), (7.4, 2.8)) as (axes,):
         for side, heights, color in (("left", track.left, COLORS[0]), ("right", track.right, COLORS[1])):
             axes.plot(track.distance, 1e3 * heights, **line_look(style, color=color, linewidth=1.0, label=side))
-        axes.set(xlabel="distance [m]", ylabel="height [mm]")
-        axes.set_xmargin(0.0)
+        axes.set(xlabel="distance [m]", ylabel="height [mm]", xmargin=0.0)
         axes.legend()
     return axes
 

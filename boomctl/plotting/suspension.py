@@ -49,11 +49,7 @@ def draw_suspension_sigma(
         passive.plot(ax, frequency_unit="Hz", label=labels[0], color=_PASSIVE)
         active.plot(ax, frequency_unit="Hz", label=labels[1], color=_ACTIVE)
         if exact is not None:
-            dots = {
-                "color": "black",
-                "markersize": 2.8,
-                "markevery": 0.01,
-            }  # Sparse, so that the line below is visible.
+            dots = {"color": "black", "markersize": 2.8, "markevery": 0.01}  # sparse: the line below is visible
             for k, line in enumerate(exact.sigma):
                 label = f"{labels[1]}, exact boom" if k == 0 else None
                 ax.loglog(exact.omega / (2 * np.pi), line, ".", label=label, **dots)
@@ -72,9 +68,7 @@ def draw_weights(weights: "Mapping[str, control.StateSpace]", omega: Array) -> A
         for name, weight in weights.items():
             gain = np.abs(np.asarray(weight(1j * omega, squeeze=False))[0, 0])
             ax.loglog(omega / (2 * np.pi), gain, label=name)
-        ax.set_xlabel("frequency [Hz]")
-        ax.set_ylabel("weight")
-        ax.set_title("Weights, in the units of the design")
+        ax.set(xlabel="frequency [Hz]", ylabel="weight", title="Weights, in the units of the design")
         ax.legend()
     return figure
 

@@ -47,12 +47,9 @@ def plot_sweep(
             drawn_on.plot(x, y, ".", color=line.get_color(), alpha=0.5)
             medians |= len(abscissae) < len(x)
         if medians:
-            rest = [name for name in result.swept if name not in (over, second)]
-            drawn_on.set_title(
-                f"dots: all points; line: their median over {' and '.join(rest) or over}", fontsize="medium"
-            )
-        drawn_on.set_xlabel(_with_unit(result, over))
-        drawn_on.set_ylabel(_with_unit(result, shown))
+            rest = " and ".join(name for name in result.swept if name not in (over, second)) or over
+            drawn_on.set_title(f"dots: all points; line: their median over {rest}", fontsize="medium")
+        drawn_on.set(xlabel=_with_unit(result, over), ylabel=_with_unit(result, shown))
         legend(drawn_on, title=None if second is None else _with_unit(result, second))
     return drawn_on
 
