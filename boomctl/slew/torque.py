@@ -58,7 +58,18 @@ class TorqueProfile(TorqueDriven):
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
 
     def torque(self, t: ArrayLike) -> Array:
-        """Return the torque at times t [s], N m, as calling the profile does."""
+        """Return the torque, as calling the profile does.
+
+        Parameters
+        ----------
+        t : array_like
+            Times [s].
+
+        Returns
+        -------
+        ndarray
+            Torque [N m].
+        """
         return self(t)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
