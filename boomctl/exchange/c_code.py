@@ -86,18 +86,14 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
     if not (K.input_labels and K.output_labels):
         raise ValueError("controller: expected at least one input and one output")
     measured = _measurements(running)
-    controls = running.run(measured)
     stored = (K.A, K.B, K.C, K.D, running.L, *(x[np.isfinite(x)] for x in (running.force, running.step)))
     largest = max(float(np.abs(item).max(initial=0.0)) for item in stored)
     words = {
         "NAME": name,
-        "GUARD": f"{name.upper()}_H",
-        "SINGLE": f"{name.upper()}_SINGLE",
         "UPPER": name.upper(),
         "MATRICES": "".join(
             _matrix(name, letter, matrix)
             for letter, matrix in (("A", K.A), ("B", K.B), ("C", K.C), ("D", K.D), ("L", running.L))
-            if matrix.size
         ),
         "FORCE": _limits(name, running.force),
         "STEP": _limits(name, running.step),
@@ -105,20 +101,16 @@ def c_files(name: str, running: RunningController, units: Mapping[str, str]) -> 
         "INPUT_COUNT": str(len(K.input_labels)),
         "OUTPUT_COUNT": str(len(K.output_labels)),
         "STATE_COUNT": str(len(K.A)),
+        "STATE_ROOM": str(max(len(K.A), 1)),
         "TIME": f"{K.dt!r}",
         "INPUT_LIST": _listed(K.input_labels, units),
         "OUTPUT_LIST": _listed(K.output_labels, units),
         "SAMPLE_COUNT": str(len(measured)),
-        "MEASURED": _table(measured),
-        "CONTROLS": _table(controls),
+        "MEASURED": _rows(measured, "{}"),
+        "CONTROLS": _rows(running.run(measured), "{}"),
     }
     files = {f"{name}.c": _SOURCE, f"{name}.h": _HEADER, f"{name}_test.c": _TEST}
-    return {file: _filled(text, words) for file, text in files.items()}
-
-
-def _filled(text: str, words: Mapping[str, str]) -> str:
-    """Replace the placeholders of a text."""
-    return re.sub(r"@([A-Z_]+)@", lambda match: words[match[1]], text)
+    return {file: re.sub(r"@([A-Z_]+)@", lambda match: words[match[1]], text) for file, text in files.items()}
 
 
 def _measurements(running: RunningController) -> Array:
@@ -145,8 +137,9 @@ def _measurements(running: RunningController) -> Array:
 
 
 def _matrix(name: str, letter: str, matrix: Array) -> str:
-    rows = ",\n".join(f"    {{{', '.join(f'R({value.hex()})' for value in row)}}}" for row in matrix.tolist())
-    return f"static const {name}_real {letter}[{len(matrix)}][{matrix.shape[1]}] = {{\n{rows}\n}};\n\n"
+    """Return the array of a matrix; C has no empty arrays, so that one without rows or columns has one, which is not used."""
+    held = np.pad(matrix, [(0, int(size == 0)) for size in matrix.shape])
+    return f"static const {name}_real {letter}[{len(held)}][{held.shape[1]}] = {{\n{_rows(held, 'R({})')}\n}};\n\n"
 
 
 def _limits(name: str, values: Array) -> str:
@@ -154,9 +147,9 @@ def _limits(name: str, values: Array) -> str:
     return ", ".join(f"R({x.hex()})" if isfinite(x) else f"{name}_NONE" for x in values.tolist())
 
 
-def _table(values: Array) -> str:
-    """Return numbers in C's hexadecimal notation, which is exact."""
-    return ",\n".join("    {" + ", ".join(value.hex() for value in row) + "}" for row in values.tolist())
+def _rows(values: Array, form: str) -> str:
+    """Return numbers in C's hexadecimal notation, which is exact, each put into a form."""
+    return ",\n".join("    {" + ", ".join(form.format(x.hex()) for x in row) + "}" for row in values.tolist())
 
 
 def _listed(names: tuple[str, ...], units: Mapping[str, str]) -> str:
@@ -179,16 +172,16 @@ _HEADER = """\
  * Measurements:
 @INPUT_LIST@ * Controls:
 @OUTPUT_LIST@ *
- * Compile with -D@SINGLE@ for single precision, and without contraction of products and sums (-std=c99).
+ * Compile with -D@UPPER@_SINGLE for single precision, and without contraction of products and sums (-std=c99).
  */
-#ifndef @GUARD@
-#define @GUARD@
+#ifndef @UPPER@_H
+#define @UPPER@_H
 
-#if defined(@SINGLE@) && @EXCEEDS_SINGLE@
+#if defined(@UPPER@_SINGLE) && @EXCEEDS_SINGLE@
 #error "@NAME@: numbers exceed the range of single precision"
 #endif
 
-#ifdef @SINGLE@
+#ifdef @UPPER@_SINGLE
 typedef float @NAME@_real;
 #else
 typedef double @NAME@_real;
@@ -200,9 +193,7 @@ typedef double @NAME@_real;
 #define @UPPER@_SAMPLE_TIME @TIME@
 
 typedef struct {
-#if @UPPER@_STATES > 0
-    @NAME@_real x[@UPPER@_STATES];
-#endif
+    @NAME@_real x[@STATE_ROOM@];
     @NAME@_real last[@UPPER@_CONTROLS]; /* controls of the last sample */
 } @NAME@_controller;
 
@@ -222,7 +213,7 @@ _SOURCE = """\
 #include "@NAME@.h"
 
 #define R(number) ((@NAME@_real)(number))
-#ifdef @SINGLE@
+#ifdef @UPPER@_SINGLE
 #define @NAME@_NONE R(0x1.fffffep+127) /* the largest number */
 #else
 #define @NAME@_NONE R(0x1.fffffffffffffp+1023)
@@ -234,24 +225,14 @@ static const @NAME@_real STEP[@UPPER@_CONTROLS] = {@STEP@};
 
 void @NAME@_reset(@NAME@_controller *controller)
 {
-    int i;
-#if @UPPER@_STATES > 0
-    for (i = 0; i < @UPPER@_STATES; i++) {
-        controller->x[i] = R(0.0);
-    }
-#endif
-    for (i = 0; i < @UPPER@_CONTROLS; i++) {
-        controller->last[i] = R(0.0);
-    }
+    static const @NAME@_controller zero = {{R(0.0)}, {R(0.0)}};
+    *controller = zero;
 }
 
 int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER@_MEASUREMENTS],
                 @NAME@_real control[@UPPER@_CONTROLS])
 {
-    @NAME@_real requested[@UPPER@_CONTROLS], allowed[@UPPER@_CONTROLS];
-#if @UPPER@_STATES > 0
-    @NAME@_real next[@UPPER@_STATES];
-#endif
+    @NAME@_real requested[@UPPER@_CONTROLS], allowed[@UPPER@_CONTROLS], next[@STATE_ROOM@];
     int i, j, finite = 1;
 
     for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
@@ -259,11 +240,9 @@ int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER
     }
     for (i = 0; i < @UPPER@_CONTROLS && finite; i++) {
         @NAME@_real sum = R(0.0);
-#if @UPPER@_STATES > 0
         for (j = 0; j < @UPPER@_STATES; j++) {
             sum = sum + C[i][j] * controller->x[j];
         }
-#endif
         for (j = 0; j < @UPPER@_MEASUREMENTS; j++) {
             sum = sum + D[i][j] * measured[j];
         }
@@ -277,7 +256,6 @@ int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER
         }
         allowed[i] = sum;
     }
-#if @UPPER@_STATES > 0
     for (i = 0; i < @UPPER@_STATES && finite; i++) {
         @NAME@_real sum = R(0.0);
         for (j = 0; j < @UPPER@_STATES; j++) {
@@ -295,7 +273,6 @@ int @NAME@_step(@NAME@_controller *controller, const @NAME@_real measured[@UPPER
     for (i = 0; i < @UPPER@_STATES && finite; i++) {
         controller->x[i] = next[i];
     }
-#endif
     for (i = 0; i < @UPPER@_CONTROLS; i++) {
         if (finite) {
             controller->last[i] = allowed[i];
@@ -329,7 +306,7 @@ int main(void)
 {
     @NAME@_controller controller;
     double largest = 0.0, size = 0.0;
-    int sample, i, wrong = 0;
+    int sample, i, single, wrong = 0;
 
     @NAME@_reset(&controller);
     for (sample = 0; sample < SAMPLES; sample++) {
@@ -337,9 +314,7 @@ int main(void)
         for (i = 0; i < @UPPER@_MEASUREMENTS; i++) {
             measured[i] = (@NAME@_real)MEASURED[sample][i];
         }
-        if (@NAME@_step(&controller, measured, control) != 0) {
-            wrong = 1;
-        }
+        wrong = @NAME@_step(&controller, measured, control) || wrong;
         for (i = 0; i < @UPPER@_CONTROLS; i++) {
             double wanted = CONTROLS[sample][i], difference = (double)control[i] - wanted;
             difference = difference < 0.0 ? -difference : difference;
@@ -348,17 +323,8 @@ int main(void)
             size = wanted > size ? wanted : size;
         }
     }
-#ifdef @SINGLE@
-    if (largest > size) {
-        wrong = 1;
-    }
-    printf("single precision: largest difference %.9g, largest control %.9g\\n", largest, size);
-#else
-    if (largest > 0.0) {
-        wrong = 1;
-    }
-    printf("double precision: largest difference %.17g\\n", largest);
-#endif
-    return wrong;
+    single = sizeof(@NAME@_real) < sizeof(double);
+    printf("%s precision: largest difference %.17g, largest control %.9g\\n", single ? "single" : "double", largest, size);
+    return wrong || largest > (single ? size : 0.0);
 }
 """

@@ -1,8 +1,7 @@
 """Controller files: JSON, MATLAB, C99."""
 
 import json
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,7 +29,6 @@ SUFFIXES = (".json", ".mat", ".c")
 _UNITS = {"stroke": "m", "tip": "m", "cradle_slip": "m", "suspension": "N", "cradle": "N", "torque": "N m"}  # by stem
 _RATES = {"hub_angle": "rad", "hub_speed": "rad/s", "_acceleration": "m/s^2", "_speed": "m/s"}  # these come first
 _LARGEST = np.finfo(float).max.item()
-_KINDS = ("inputs", "outputs", "states")
 
 
 @dataclass(frozen=True)
@@ -127,8 +125,13 @@ def write_controller(
     ['lag.c', 'lag.h', 'lag_test.c']
     """
     file = checked_path("path", path)
-    if not truth("allow_subsystem", allow_subsystem):
-        _check_not_subsystem(controller_of(controller, any_time=True))
+    K = controller_of(controller, any_time=True)
+    halves = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
+    if not truth("allow_subsystem", allow_subsystem) and halves:
+        raise ValueError(
+            f"controller: {halves[0]!r} is a signal of a symmetric or antisymmetric subsystem, scaled by"
+            " sqrt(2); combine both controllers by join_symmetric, or set allow_subsystem=True"
+        )
     contents = controller_contents(
         controller, file.stem, file.suffix, sample_time=sample_time, control_limit=control_limit, rate_limit=rate_limit,
         anti_windup=anti_windup, units=units, certificate=certificate, provenance=provenance,
@@ -155,7 +158,6 @@ def controller_contents(
     from boomctl import __version__
 
     known("suffix", suffix, SUFFIXES)
-    own = getattr(controller, "certificate", None)
     K = controller_of(controller, any_time=True)
     check_scales(K)
     if not np.isnan(K.dt):
@@ -165,14 +167,17 @@ def controller_contents(
             f"controller: expected a name for each of {len(K.A)} states, got {len(K.state_labels)}: some are there twice"
         )
     if sample_time is not None:
-        K = _sampled(K, positive("sample_time", sample_time))
+        step = positive("sample_time", sample_time)
+        if K.dt == 0.0:
+            from boomctl.synthesis.discretise import discretize  # with python-control, for those who sample
+
+            K = of(discretize(K.statespace("controller"), step), any_time=True)
+        elif K.dt != step:
+            raise ValueError(f"sample_time = {step:g} s: the controller's own is {K.dt:g} s; expected that or None")
     notes = ControllerMetadata(
-        _units(K, {} if units is None else mapping("units", units, "signals to units")),
-        _plain(own if certificate is None else certificate),
-        {
-            "boomctl": __version__,
-            **({} if provenance is None else mapping("provenance", provenance, "names to values")),
-        },
+        _units(K, mapping("units", {} if units is None else units, "signals to units")),
+        _plain(getattr(controller, "certificate", None) if certificate is None else certificate),
+        {"boomctl": __version__, **mapping("provenance", {} if provenance is None else provenance, "names to values")},
     )
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
@@ -263,10 +268,19 @@ def read_controller_metadata(path: str | Path) -> ControllerMetadata:
 
 def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
     known("suffix", file.suffix, (".json", ".mat"))
-    if file.suffix == ".mat":
-        result = read_matlab(file)
-        with _errors_of(file):
-            return checked_controller(result), ControllerMetadata()
+    held = read_matlab(file) if file.suffix == ".mat" else _read_json(file)
+    try:
+        units, certificate, provenance = (
+            mapping(key, held.get(key, {}), "entries by name") for key in ("units", "certificate", "provenance")
+        )
+        if not all(isinstance(unit, str) for unit in units.values()):
+            raise TypeError(f"units = {shown(units)}: expected texts by name of signal")
+        return checked_controller(held), ControllerMetadata(units, certificate, provenance)
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(f"{file}: a controller is not complete there: {type(error).__name__} {error}") from None
+
+
+def _read_json(file: Path) -> dict[str, Any]:
     try:
         held = json.loads(file.read_text(encoding="utf-8"))
     except ValueError as error:  # of JSON, of UTF-8, and of whole numbers too long to be read
@@ -277,41 +291,7 @@ def _read(file: Path) -> tuple[Lti, ControllerMetadata]:
         raise ValueError(f"{file}: expected a file of write_controller, whose format is {_FORMAT!r}")
     if held.get("version") != _VERSION:
         raise ValueError(f"{file}: its version is {shown(held.get('version'))}; expected {_VERSION}")
-    with _errors_of(file):
-        units, certificate, provenance = (
-            mapping(key, held.get(key, {}), "entries by name") for key in ("units", "certificate", "provenance")
-        )
-        if not all(isinstance(unit, str) for unit in units.values()):
-            raise TypeError(f"units = {shown(units)}: expected texts by name of signal")
-        return checked_controller(held), ControllerMetadata(units, certificate, provenance)
-
-
-@contextmanager
-def _errors_of(file: Path) -> Iterator[None]:
-    """Name the file in errors of the block."""
-    try:
-        yield
-    except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"{file}: a controller is not complete there: {type(error).__name__} {error}") from None
-
-
-def _check_not_subsystem(K: Lti) -> None:
-    result = [name for name in (*K.input_labels, *K.output_labels) if is_half(name)]
-    if result:
-        raise ValueError(
-            f"controller: {result[0]!r} is a signal of a symmetric or antisymmetric subsystem, scaled by"
-            " sqrt(2); combine both controllers by join_symmetric, or set allow_subsystem=True"
-        )
-
-
-def _sampled(K: Lti, sample_time: float) -> Lti:
-    if K.dt == 0.0:
-        from boomctl.synthesis.discretise import discretize  # with python-control, for those who sample
-
-        return of(discretize(K.statespace("controller"), sample_time), any_time=True)
-    if K.dt != sample_time:
-        raise ValueError(f"sample_time = {sample_time:g} s: the controller's own is {K.dt:g} s; expected that or None")
-    return K
+    return held
 
 
 def _units(K: Lti, units: Mapping[str, str]) -> dict[str, str]:
@@ -335,13 +315,8 @@ def _record(name: str, K: Lti, notes: ControllerMetadata) -> dict[str, Any]:
         "inputs": list(K.input_labels),
         "outputs": list(K.output_labels),
         "states": list(K.state_labels) or [f"x{i}" for i in range(len(K.A))],
-        "units": dict(notes.units),
-        "A": K.A,
-        "B": K.B,
-        "C": K.C,
-        "D": K.D,
-        "certificate": notes.certificate,
-        "provenance": notes.provenance,
+        **vars(notes),
+        **{letter: getattr(K, letter) for letter in "ABCD"},
     }
 
 
@@ -358,10 +333,10 @@ def _plain(certificate: object) -> dict[str, Any]:
         value = getattr(certificate, entry.name)
         if is_dataclass(value) and not isinstance(value, type):
             result[entry.name] = _plain(value)
-        elif value is None or isinstance(value, (bool, int, float, str, np.generic)):
+            continue
+        items = value if isinstance(value, (tuple, list)) else (value,)
+        if all(item is None or isinstance(item, (bool, int, float, str, np.generic)) for item in items):
             result[entry.name] = value
-        elif isinstance(value, (tuple, list)) and all(isinstance(item, (bool, int, float, str)) for item in value):
-            result[entry.name] = list(value)
     return result
 
 
@@ -381,7 +356,7 @@ def checked_controller(held: Mapping[str, Any]) -> Lti:
     TypeError, ValueError
         If an entry is invalid.
     """
-    inputs, outputs, states = (_names(kind, held[kind]) for kind in _KINDS)
+    inputs, outputs, states = (_names(kind, held[kind]) for kind in ("inputs", "outputs", "states"))
     n, m, p = len(states), len(inputs), len(outputs)
     shapes = {"A": (n, n), "B": (n, m), "C": (p, n), "D": (p, m)}
     A, B, C, D = (_matrix(letter, held[letter], shape) for letter, shape in shapes.items())

@@ -32,10 +32,7 @@ def matlab_files(name: str, K: Lti, units: Mapping[str, str]) -> dict[str, bytes
 
     states = K.state_labels or tuple(f"x{i}" for i in range(len(K.A)))
     held = {
-        "A": K.A,
-        "B": K.B,
-        "C": K.C,
-        "D": K.D,
+        **{letter: getattr(K, letter) for letter in "ABCD"},
         "sample_time": _NOT_SAID if np.isnan(K.dt) else K.dt,
         "inputs": _cells(K.input_labels),
         "outputs": _cells(K.output_labels),
@@ -100,24 +97,15 @@ function K = NAME ()
   if exist ('OCTAVE_VERSION', 'builtin')
     pkg load control
   end
-  if s.sample_time == 0
-    K = ss (s.A, s.B, s.C, s.D);
-  else
-    K = ss (s.A, s.B, s.C, s.D, s.sample_time);
+  K = ss (s.A, s.B, s.C, s.D, s.sample_time);
+  K.InputName = s.inputs;
+  K.OutputName = s.outputs;
+  if ~isempty (s.A)
+    K.StateName = s.states;
   end
-  if exist ('OCTAVE_VERSION', 'builtin')
-    K = set (K, 'inname', s.inputs, 'outname', s.outputs);
-    if ~isempty (s.A)
-      K = set (K, 'stname', s.states);
-    end
-  else
-    K.InputName = s.inputs;
-    K.OutputName = s.outputs;
+  if ~exist ('OCTAVE_VERSION', 'builtin')
     K.InputUnit = s.input_units;
     K.OutputUnit = s.output_units;
-    if ~isempty (s.A)
-      K.StateName = s.states;
-    end
   end
 end
 """
