@@ -47,6 +47,9 @@ class FitCertificate:
         Residuals over the size of the errors: the root of the reduced chi-square.  The errors are known from
         ``error_std``, from the difference of data sets or from the deviations of a measured response; ``nan`` where
         none of them is.
+    ndata : int
+        Number of measured values, real and imaginary parts counted separately.  Chi-square treats their errors as
+        independent, also at neighboring frequencies; if they are correlated, it scatters as that of fewer values.
     p_value : float
         p-value of the residuals if the model is right: of chi-square with ``error_std``, of the F test for lack of fit
         with data sets; ``nan`` otherwise.
@@ -61,6 +64,7 @@ class FitCertificate:
     residual_percent: float
     residual_ratio: float
     p_value: float
+    ndata: int
 
     @property
     def certified(self) -> bool:
@@ -83,8 +87,9 @@ class FitCertificate:
         text = f"residual {self.residual_percent:.2g} % of the data"
         if np.isnan(self.residual_ratio):
             return text
-        text += f", reduced chi-square {self.residual_ratio**2:.2g}"
-        return text if self.fit_adequate else f"{text} (model inadequate)"
+        verdict = "" if self.fit_adequate else " (model inadequate)"
+        text += f", reduced chi-square {self.residual_ratio**2:.2g}{verdict}"
+        return f"{text} of {self.ndata:,} numbers, counted as independent"
 
     @property
     def summary(self) -> str:

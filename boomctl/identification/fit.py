@@ -116,7 +116,8 @@ def fit(
     weights : array_like, optional
         Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
         response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
-        0 excludes a value.  The same for all data sets.
+        0 excludes a value.  The same for all data sets.  With relative errors, values of such a response whose standard
+        deviation exceeds 20 %, those of low coherence, are excluded by default.
     error_model : "relative" or "absolute"
         "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
@@ -235,6 +236,7 @@ def fit(
         residual_percent=measured.percent(fitted),
         residual_ratio=excess,
         p_value=chance if known_size is not None or np.isfinite(sure) else float("nan"),
+        ndata=measured.size,
     )
     scale = free_parameters.derivatives(x)
     covariance = coordinates * np.outer(scale, scale)

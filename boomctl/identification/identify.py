@@ -6,19 +6,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import special, stats
+from scipy import special
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, squared
 from boomctl.checks import known, warn_user, whole, within
 from boomctl.identification.blocks import confident
 from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, paired_modes, union
+from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
 from boomctl.identification.modal.common_poles import CommonPoles
 from boomctl.identification.modal.jackknife import BLOCKS, deviations
 from boomctl.identification.modal.realized import RankOne
-from boomctl.identification.modal.search import refine, search_poles, settled, weakest, without
+from boomctl.identification.modal.search import Band, refine, search_poles, settled, weakest, without
 from boomctl.identification.modal.spectra import FEWEST, Spectra, complex_of, rms
+from boomctl.identification.modal.start import Track
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
-from boomctl.identification.response import FrequencyResponseEstimate, with_intersample
+from boomctl.identification.response import with_intersample
 from boomctl.lti.python_control import control
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response
@@ -38,7 +40,6 @@ _TOGETHER = 1e-4  # Least eigenvalue of the inputs' correlation; below it the in
 _TOP = 0.98  # Highest frequency over half the sampling rate: above it, filters and aliasing dominate.
 _EXPLAINED = 50.0  # Residual [% of the outputs] below which the inputs explain the outputs, though without modes.
 _FOLDED, _LARGE = 0.95, 0.2  # Aliased poles: least frequency over half the sampling rate, least fraction of the energy.
-_ORDERS = 11  # Number of orders, from half to the highest.
 _HIGHEST = 60  # Default order: about three times the expected number of modes.
 _PARTS = 4  # Parts of a record that give prediction intervals.
 _WHOLE_RECORDS = 3  # Records from which whole ones are held back.
@@ -408,158 +409,208 @@ def identify(
     wanted = None if modes is None else whole("modes", modes)
     rigid = None if rigid_body is None else whole("rigid_body", rigid_body, least=0, most=2)
     highest = _HIGHEST if order is None else whole("order", order, least=4, most=400)
-    tested: Spectra | None = None
-    whole_record: Spectra | None = None
-    recorded = inputs.record if isinstance(inputs, FrequencyResponseEstimate) else None
-    if is_frequency_response(inputs) and not (outputs is sample_time is intersample is None):
+    source: Any = inputs
+    if isinstance(inputs, MeasuredFrequencyResponse):
+        source = inputs.response
+        if source is None:
+            raise ValueError(
+                "inputs: expected a frequency response with its phase, got magnitudes alone; give a file with columns"
+                " re_OUT_IN, im_OUT_IN, or the record"
+            )
+    record: Any = getattr(source, "record", None)
+    is_response = is_frequency_response(source)
+    if is_response and not (outputs is sample_time is intersample is None):
         raise TypeError("outputs, sample_time, intersample: expected None for a measured frequency response")
-    if error_model is not None and (recorded is not None or not is_frequency_response(inputs)):
+    if error_model is not None and (record is not None or not is_response):
         raise TypeError(
             f"error_model = {error_model!r}: expected None for a record, whose residuals say how large its errors are"
         )
-    if is_frequency_response(inputs) and recorded is None:
-        response = _merged(inputs)
-        low, high = band(frequency_range_hz, float(response.omega[-1]) / (2.0 * np.pi))
-        trials = {
-            words: Spectra.of_response(response, low, high, size)
-            for words, size in _deviations(response, error_model).items()
-        }
-        names = tuple(response.input_labels), tuple(response.output_labels)
-        said = getattr(response, "quantity", ("displacement",) * len(names[1]))
-        kinds = said if quantity is None else quantities(quantity, names[1])
-        source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
+    if is_response and record is None:
+        trials = _of_response(source, frequency_range_hz, quantity, error_model, rigid)
+    elif is_response:
+        low, high = (source.omega[[0, -1]] / (2.0 * np.pi)).tolist()
+        ends_hz = band((low, high) if frequency_range_hz is None else frequency_range_hz, high)
+        kinds = record.quantity if quantity is None else quantities(quantity, record.outputs)
+        trials = [_of_record(replace(record, quantity=kinds), ends_hz, 0.0, rigid)]
     else:
-        if isinstance(inputs, FrequencyResponseEstimate) and inputs.record is not None:
-            record, back, ends_hz = inputs.record, 0.0, inputs.omega[[0, -1]] / (2.0 * np.pi)
-            low, high = band(tuple(ends_hz) if frequency_range_hz is None else frequency_range_hz, float(ends_hz[1]))
-        else:
-            kind = "displacement" if quantity is None else quantity
-            record = Record.of(inputs, outputs, sample_time, kind, intersample)
-            low, high = _band(record, frequency_range_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
-            record = with_intersample(record, high)
-        whole_record = Spectra.of_record(record, low, high, slice(0.0, 1.0))
-        data, tested, last = _held_back(record, low, high, back) if back else (whole_record, whole_record, "")
-        trials = {"": data}
-        names = record.inputs, record.outputs
-        kinds = record.quantity if recorded is None or quantity is None else quantities(quantity, record.outputs)
-        source = f"intervals from {BLOCKS} blocks of the record, " + (
-            f"validated by a free run over {last}, then fitted to all of it"
-            if back
-            else "validated on what it was fitted to"
-        )
-    data = next(iter(trials.values()))
-    highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
-    orders = tuple(sorted({round(order) for order in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
-    ends = 2.0 * np.pi * max(low, 0.0), 2.0 * np.pi * high
-    # a force moves a free body: its acceleration has no integrator, its velocity one
-    counts = tuple(range(3 - min(QUANTITIES[kind] for kind in kinds))) if rigid is None else (rigid,)
-    searched = {words: search_poles(trial, *ends, orders, counts) for words, trial in trials.items()}
-    words = (
-        max(searched, key=lambda words: _likelihood(searched[words][0])) if len(searched) > 1 else next(iter(searched))
+        record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, intersample)
+        ends_hz = _band(record, frequency_range_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
+        trials = [_of_record(with_intersample(record, ends_hz[1]), ends_hz, back, rigid)]
+    searches = [(search_poles(trial.data, trial.band, highest), trial) for trial in trials]
+    (fit, unresolved, chains, by_order), trial = (
+        max(searches, key=lambda search: _likelihood(search[0][0])) if len(searches) > 1 else searches[0]
     )
-    (fit, unresolved, result), source = searched[words], source + words
-    if whole_record is None or tested is None:  # a measured response, which is validated on what it is fitted to
-        tested = whole_record = data = fit.data
-    simple = RankOne.of(fit)
-    tested = tested.scaled(fit.data.scale / tested.scale)
-    left = complex_of(simple.left(tested))
-    percent = 100.0 * (1.0 - rms(tested.windowed(left)) / rms(tested.windowed(tested.Y)))
-    if whole_record is not data:
-        fit, unresolved = refine(
-            replace(fit, data=whole_record.scaled(fit.data.scale / whole_record.scale)), *ends, counts
+    percent, spectra, white = _validated(fit, trial.tested)
+    if trial.complete is not trial.data:
+        scale = fit.data.scale / trial.complete.scale
+        fit, unresolved = refine(replace(fit, data=trial.complete.scaled(scale)), trial.band)
+        fit = settled(fit, trial.band)
+    fit, number = _modes_first(fit, trial, wanted)
+    if (trial.tested.output_rms > _QUIET * trial.data.output_rms).any():  # not the end of the motion after an impact
+        _check_fit(percent, trial.outputs)
+    if trial.data.lengths:
+        _warn_of_feedback(fit)
+    parts = max(len(fit.data.lengths), _PARTS)
+    tail = 0.5 + 0.5 * level
+    of_mean = special.stdtrit(BLOCKS - 1, tail) * deviations(fit)
+    of_part = special.stdtrit(parts - 1, tail) * np.sqrt(parts + 1.0) * deviations(fit, parts)
+    # another record is at least as uncertain
+    steps = np.stack([of_mean, np.maximum(of_part, np.sqrt(2.0) * of_mean)], axis=1)
+    simple, energy = RankOne.of(fit), fit.energy_fractions / fit.energy_fractions.sum()
+    signals = trial.inputs, trial.outputs
+    orders = tuple(QUANTITIES[kind] for kind in trial.kinds)
+    model = simple.with_real_directions(fit.data, _LOSS).structure(*signals, orders)
+    return IdentificationResult(
+        modes=tuple(
+            _mode(
+                pole,
+                steps[k],
+                simple.c[k] / pole ** np.array(orders),
+                float(energy[k]),
+                chains,
+                len(by_order),
+                unresolved,
+            )
+            for k, pole in enumerate(fit.poles[:number].tolist())
+        ),
+        real_poles=tuple(
+            RealPole(rate, *(_factors(rate, step) for step in steps[number + k, :, 0]))
+            for k, rate in enumerate((-fit.poles[number:].real).tolist())
+        ),
+        integrators=fit.integrators,
+        system=simple.system(*signals).without_dots().statespace("identified"),
+        model=model,
+        fit_percent=dict(zip(trial.outputs, percent.tolist(), strict=True)),
+        whiteness_p_value=dict(zip(trial.outputs, white.tolist(), strict=True)),
+        frequency_range_hz=trial.band_hz,
+        confidence_level=level,
+        parts=parts,
+        uncertainty_source=trial.source,
+        stabilization_poles=by_order,
+        validation_spectra=spectra,
+        elapsed=clock.elapsed,
+    )
+
+
+@dataclass(frozen=True)
+class _Trial:
+    """What is fitted, what it is validated on, and what is fitted at last, with the signals, the band and the source.
+
+    A measured response is fitted once with each of the possible errors, a record in one way.
+    """
+
+    data: Spectra
+    tested: Spectra
+    complete: Spectra
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    kinds: tuple[str, ...]
+    band_hz: tuple[float, float]
+    rigid: int | None
+    source: str
+
+    @property
+    def band(self) -> Band:
+        """Frequencies of modes, and integrators: of a free body none in accelerations, one in velocities."""
+        low, high = self.band_hz
+        most = 2 - min(QUANTITIES[kind] for kind in self.kinds)
+        return Band(
+            2.0 * np.pi * low, 2.0 * np.pi * high, tuple(range(most + 1)) if self.rigid is None else (self.rigid,)
         )
-        fit = settled(fit, *ends, counts)
-    inside = _inside(fit, ends)
+
+
+def _of_record(record: Record, ends_hz: tuple[float, float], back: float, rigid: int | None) -> _Trial:
+    """Return the spectra of a record and of the part that is held back for validation: whole records, of three and more."""
+    low, high = ends_hz
+    every = Spectra.of_record(record, low, high)
+    size = rms(every.U)
+    alike = (every.U / size).conj().T @ (every.U / size) / len(every.U)
+    if np.linalg.eigvalsh(alike)[0] < _TOGETHER or (np.diagonal(alike) == 0.0).any():
+        raise ValueError(
+            f"inputs: expected each to move by itself from {low:.4g} to {high:.4g} Hz; linearly dependent inputs cannot"
+            " be separated"
+        )
+    count, data, tested, end = len(record.u), every, every, "validated on what it was fitted to"
+    if back:
+        last, held = 0, f"its last {100.0 * back:g} %"
+        if count >= _WHOLE_RECORDS:
+            last = min(max(round(back * count), 1), count - 1)
+            held = "its last experiment" if last == 1 else f"its last {last} experiments"
+            parts = record.part(slice(count - last)), record.part(slice(count - last, None))
+        else:
+            parts = record.part(end=1.0 - back), record.part(begin=1.0 - back)
+        data, tested = (Spectra.of_record(part, low, high) for part in parts)
+        end = f"validated by a free run over {held}, then fitted to all of it"
+    source = f"intervals from {BLOCKS} blocks of the record, {end}"
+    return _Trial(data, tested, every, record.inputs, record.outputs, record.quantity, ends_hz, rigid, source)
+
+
+def _of_response(
+    response: Any, frequency_range_hz: Any, quantity: Any, error_model: str | None, rigid: int | None
+) -> list[_Trial]:
+    """Return a measured response with errors of each possible kind, up to a factor for each output."""
+    response = _merged(response)
+    signals = tuple(response.input_labels), tuple(response.output_labels)
+    ends_hz = band(frequency_range_hz, float(response.omega[-1]) / (2.0 * np.pi))
+    stated = getattr(response, "quantity", ("displacement",) * len(signals[1]))
+    kinds = stated if quantity is None else quantities(quantity, signals[1])
+    source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
+    if hasattr(response, "deviation"):
+        if error_model is not None:
+            raise TypeError(f"error_model = {error_model!r}: expected None for a response that says its own deviation")
+        sizes = {source: response.deviation}
+    else:
+        models = {"relative": np.abs(response.frdata), "absolute": None}
+        chosen = models if error_model is None else [known("error_model", error_model, models)]
+        sizes = {f"{source}; errors taken for {name}": models[name] for name in chosen}
+    trials = []
+    for words, size in sizes.items():
+        data = Spectra.of_response(response, *ends_hz, size)
+        trials.append(_Trial(data, data, data, *signals, kinds, ends_hz, rigid, words))
+    return trials
+
+
+def _validated(fit: CommonPoles, tested: Spectra) -> tuple[Array, Array, Array]:
+    """Return the fit [%] of each output in a free run, the spectra of outputs and errors, and the chance of white errors.
+
+    The chance is that of cumulated periodograms as far from a straight line, were the errors white.
+    """
+    tested = tested.scaled(fit.data.scale / tested.scale)
+    left, first = complex_of(RankOne.of(fit).left(tested)), tested.record == 0
+    percent = 100.0 * (1.0 - rms(tested.windowed(left)) / rms(tested.windowed(tested.Y)))
+    spectra = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
+    power = np.cumsum(np.square(np.abs(left[first])), axis=0)
+    line = np.arange(1, len(power) + 1)[:, None] / len(power)
+    away = np.abs(power / np.where(power[-1] > 0.0, power[-1], 1.0) - line).max(axis=0)
+    white = special.kolmogorov(np.sqrt(len(power)) * away)
+    return percent, np.array([tested.s.imag / (2.0 * np.pi), *spectra])[:, first], white
+
+
+def _modes_first(fit: CommonPoles, trial: _Trial, wanted: int | None) -> tuple[CommonPoles, int]:
+    """Return the fit with the modes of the band before other poles, and their number: the one wanted, or all."""
+    low, high = trial.band_hz
+    inside = trial.band.modes(fit.poles)
     if wanted is not None and inside.sum() > wanted:
         fit = without(fit, weakest(fit, inside, int(inside.sum()) - wanted))
-        inside = _inside(fit, ends)
-    if not inside.any() or (wanted or 0) > inside.sum():
-        raise ValueError(_no_mode(fit, wanted or 1, int(inside.sum()), low, high))
-    folded = fit.poles[inside & (fit.energy_fractions > _LARGE) & (fit.poles.imag * data.step > np.pi * _FOLDED)]
+        inside = trial.band.modes(fit.poles)
+    number = int(inside.sum())
+    if not number or (wanted or 0) > number:
+        noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
+        bare = not number and not fit.integrators and not len(fit.poles)
+        turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
+        remedy = "" if turned else "; a longer record, more excitation or another band would help"
+        raise ValueError(
+            f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {number}:"
+            f" {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}{remedy}"
+        )
+    step = trial.data.step
+    folded = fit.poles[inside & (fit.energy_fractions > _LARGE) & (fit.poles.imag * step > np.pi * _FOLDED)]
     if len(folded):
         raise ValueError(
-            f"sample_time = {sample_time!r}: expected resonances well below half the sampling rate, got one at"
-            f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / data.step:.4g}; sample faster, or filter before sampling"
+            f"sample_time = {step!r}: expected resonances well below half the sampling rate, got one at"
+            f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / step:.4g}; sample faster, or filter before sampling"
         )
-    if (tested.output_rms > _QUIET * data.output_rms).any():  # not the end of the motion after an impact
-        _check_fit(percent, names[1])
-    fit = replace(fit, poles=fit.poles[np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")])
-    number = int(inside.sum())
-    quantile = float(stats.t.ppf(0.5 + 0.5 * level, BLOCKS - 1))
-    steps = quantile * deviations(fit)
-    parts = max(len(fit.data.lengths), _PARTS)
-    wider = float(stats.t.ppf(0.5 + 0.5 * level, parts - 1)) * np.sqrt(parts + 1.0) * deviations(fit, parts)
-    wider = np.maximum(wider, np.sqrt(2.0) * steps)  # another record is at least as uncertain
-    simple = RankOne.of(fit)
-    if data.lengths:
-        _said_of_feedback(fit)
-    model = simple.with_real_directions(fit.data, _LOSS).structure(*names, tuple(QUANTITIES[kind] for kind in kinds))
-    fractions = fit.energy_fractions / fit.energy_fractions.sum()
-    ambiguous = np.any(np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None], axis=1)
-    rows = tuple(
-        _mode(
-            fit.poles[k],
-            steps[k],
-            wider[k],
-            simple.c[k],
-            kinds,
-            fractions[k],
-            _steadiness(fit.poles[k], result, len(orders)),
-            ambiguous[k],
-        )
-        for k in range(number)
-    )
-    real_poles = tuple(
-        _real_pole(-float(fit.poles[k].real), steps[k, 0], wider[k, 0]) for k in range(number, len(fit.poles))
-    )
-    spectrum = [np.sqrt(np.square(np.abs(x) / rms(tested.Y)).mean(axis=1)) for x in (tested.Y, left)]
-    return IdentificationResult(
-        rows,
-        real_poles,
-        fit.integrators,
-        simple.system(*names).without_dots().statespace("identified"),
-        model,
-        dict(zip(names[1], percent.tolist(), strict=True)),
-        dict(zip(names[1], _whiteness(left[tested.record == 0]).tolist(), strict=True)),
-        (low, high),
-        level,
-        parts,
-        source,
-        {
-            order: np.array([p for t in result for p, o in zip(t.poles, t.orders, strict=True) if o == order])
-            for order in orders
-        },
-        np.array([tested.s.imag / (2.0 * np.pi), *spectrum])[:, tested.record == 0],
-        clock.elapsed,
-    )
-
-
-def _held_back(record: Record, low: float, high: float, back: float) -> tuple[Spectra, Spectra, str]:
-    """Return the part that is fitted, the part that is held back, and which it is: whole records, of three and more."""
-    count = len(record.u)
-    if count >= _WHOLE_RECORDS:
-        last = min(max(round(back * count), 1), count - 1)
-        parts = (record.of_numbers(range(count - last)), record.of_numbers(range(count - last, count)))
-        held = "its last experiment" if last == 1 else f"its last {last} experiments"
-        return (*(Spectra.of_record(part, low, high, slice(0.0, 1.0)) for part in parts), held)  # type: ignore[return-value]
-    spans = slice(0.0, 1.0 - back), slice(1.0 - back, 1.0)
-    return (*(Spectra.of_record(record, low, high, span) for span in spans), f"its last {100.0 * back:g} %")  # type: ignore[return-value]
-
-
-def _inside(fit: CommonPoles, ends: tuple[float, float]) -> Array:
-    """Return which poles are modes of the band."""
-    return (fit.poles.imag > 0.0) & (fit.poles.imag >= ends[0]) & (fit.poles.imag <= ends[1])
-
-
-def _no_mode(fit: CommonPoles, wanted: int, tracks: int, low: float, high: float) -> str:
-    noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
-    bare = not tracks and not fit.integrators and not len(fit.poles)
-    turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
-    remedy = "" if turned else "; a longer record, more excitation or another band would help"
-    return (
-        f"outputs: expected {count(wanted, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {tracks}:"
-        f" {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}{remedy}"
-    )
+    return replace(fit, poles=fit.poles[np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")]), number
 
 
 def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
@@ -601,17 +652,6 @@ def _merged(response: Any) -> Any:
     return merged
 
 
-def _deviations(response: Any, errors: str | None) -> dict[str, Array | None]:
-    """Return the error magnitudes of a measured response, up to a factor for each output, by their description."""
-    if hasattr(response, "deviation"):
-        if errors is not None:
-            raise TypeError(f"error_model = {errors!r}: expected None for a response that says its own deviation")
-        return {"": response.deviation}
-    sizes = {"relative": np.abs(response.frdata), "absolute": None}
-    kinds = [known("error_model", errors, sizes)] if errors is not None else list(sizes)
-    return {f"; errors taken for {kind}": sizes[kind] for kind in kinds}
-
-
 def _likelihood(fit: CommonPoles) -> float:
     """Return the logarithm of the likelihood of a measured response, whose rows have weights."""
     weights = np.abs(fit.data.U).max(axis=1)
@@ -620,29 +660,24 @@ def _likelihood(fit: CommonPoles) -> float:
 
 
 def _mode(
-    pole: complex,
-    step: Array,
-    wider: Array,
-    c: Array,
-    kinds: tuple[str, ...],
-    fraction: float,
-    orders: float,
-    ambiguous: bool,
+    pole: complex, steps: Array, shape: Array, energy: float, chains: Sequence[Track], orders: int, unresolved: Array
 ) -> IdentifiedMode:
-    shape = c / np.array([pole ** QUANTITIES[kind] for kind in kinds])
-    shape = shape / shape[np.argmax(np.abs(shape))]
-    hz, damping = float(pole.imag / (2.0 * np.pi)), float(-pole.real / abs(pole))
-    widths = [float(-pole.real * half / (2.0 * np.pi)) for half in (step[1], wider[1])]
-    frequencies = [(hz - width, hz + width) for width in widths]
-    dampings = [(low, min(high, 1.0)) for low, high in (_factors(damping, half) for half in (step[0], wider[0]))]
-    intervals = frequencies[0], dampings[0]
+    hz, damping, width = pole.imag / (2.0 * np.pi), -pole.real / abs(pole), -pole.real / (2.0 * np.pi)
+    frequencies = [(hz - width * step, hz + width * step) for step in steps[:, 1].tolist()]
+    dampings = [(low, min(high, 1.0)) for low, high in (_factors(damping, step) for step in steps[:, 0])]
+    near = [len(chain.orders) for chain in chains if abs(chain.pole - pole) < -pole.real]
     return IdentifiedMode(
-        hz, damping, *intervals, shape, float(fraction), orders, frequencies[1], dampings[1], bool(ambiguous)
+        frequency_hz=hz,
+        damping_ratio=damping,
+        frequency_interval_hz=frequencies[0],
+        damping_ratio_interval=dampings[0],
+        shape=shape / shape[np.argmax(np.abs(shape))],
+        energy_fraction=energy,
+        stabilization=max(near, default=0) / orders,
+        frequency_prediction_interval_hz=frequencies[1],
+        damping_ratio_prediction_interval=dampings[1],
+        closely_spaced=bool((np.abs(pole - unresolved) < -pole.real).any()),
     )
-
-
-def _real_pole(rate: float, step: float, wider: float) -> RealPole:
-    return RealPole(rate, _factors(rate, step), _factors(rate, wider))
 
 
 def _factors(value: float, step: float) -> tuple[float, float]:
@@ -652,83 +687,35 @@ def _factors(value: float, step: float) -> tuple[float, float]:
 
 def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[float, float]:
     """Return the given band, or that of at least so many lines where all inputs have power."""
-    low, high = band(frequency_range_hz, 0.5 / record.step)
-    long = max(range(len(record.u)), key=lambda k: len(record.u[k]))
-    hz = np.fft.rfftfreq(len(record.u[long]), record.step)
-    U = np.fft.rfft(record.u[long], axis=0)
-    driven = np.zeros(0, int)
-    if frequency_range_hz is None:
-        window = np.ones(_SMOOTH) / _SMOOTH
-        power = np.array([np.convolve(np.square(np.abs(item)), window, mode="same") for item in U.T])
-        fraction = (power / power.max(axis=1, keepdims=True)).min(axis=0)
-        driven = np.zeros(0, int)
-        for least in _LOWEST:  # low-pass inputs leave few lines at the first
-            driven = np.flatnonzero(fraction > least)
-            if len(driven) and driven[-1] - driven[0] > least_lines * len(hz) / min(len(u) // 2 + 1 for u in record.u):
-                break
-        if not len(driven):
-            raise ValueError("inputs: expected power at the same frequencies in all of them, got none")
-        low, high = (
-            float(hz[driven[0]]) if driven[0] > _SMOOTH else 0.0,
-            min(float(hz[driven[-1]]), _TOP * 0.5 / record.step),
-        )
-    inside = np.concatenate(
-        [
-            np.fft.rfft(u, axis=0)[(f >= low) & (f <= high)]
-            for u in record.u
-            for f in [np.fft.rfftfreq(len(u), record.step)]
-        ]
-    )
-    if not len(inside):
-        raise ValueError(
-            f"frequency_range_hz: expected frequencies that the record has, got none from {low:.4g} to {high:.4g} Hz"
-        )
-    size = rms(inside)
-    alike = (inside / size).conj().T @ (inside / size) / max(len(inside), 1)
-    if np.linalg.eigvalsh(alike)[0] < _TOGETHER or (np.diagonal(alike) == 0.0).any():
-        raise ValueError(
-            f"inputs: expected each to move by itself from {low:.4g} to {high:.4g} Hz; linearly dependent inputs cannot"
-            " be separated"
-        )
-    return low, high
+    top = 0.5 / record.step
+    if frequency_range_hz is not None:
+        return band(frequency_range_hz, top)
+    longest, shortest = max(record.u, key=len), min(map(len, record.u))
+    hz, window, driven = np.fft.rfftfreq(len(longest), record.step), np.ones(_SMOOTH) / _SMOOTH, np.zeros(0, int)
+    power = [np.convolve(squared(x), window, mode="same") for x in np.fft.rfft(longest, axis=0).T]
+    fraction = np.min([x / x.max() for x in power], axis=0)
+    for least in _LOWEST:  # low-pass inputs leave few lines at the first
+        driven = np.flatnonzero(fraction > least)
+        if len(driven) and driven[-1] - driven[0] > least_lines * len(hz) / (shortest // 2 + 1):
+            break
+    if not len(driven):
+        raise ValueError("inputs: expected power at the same frequencies in all of them, got none")
+    return float(hz[driven[0]]) if driven[0] > _SMOOTH else 0.0, min(float(hz[driven[-1]]), _TOP * top)
 
 
-def _steadiness(pole: complex, tracks: Any, orders: int) -> float:
-    """Return the fraction of the orders with a pole near this one."""
-    near = [len(t.orders) for t in tracks if abs(t.pole - pole) < -pole.real]
-    return max(near, default=0) / orders
-
-
-def _whiteness(left: Array) -> Array:
-    """Return the chance of cumulated periodograms as far from a straight line, were the residuals white."""
-    power = np.cumsum(np.square(np.abs(left)), axis=0)
-    total = np.where(power[-1] > 0.0, power[-1], 1.0)
-    line = np.arange(1, len(power) + 1)[:, None] / len(power)
-    return special.kolmogorov(np.sqrt(len(power)) * np.abs(power / total - line).max(axis=0))
-
-
-def _said_of_feedback(fit: CommonPoles) -> None:
+def _warn_of_feedback(fit: CommonPoles) -> None:
     """Warn where errors of the outputs are followed by inputs."""
-    data = fit.data
-    E, U = complex_of(fit.residuals), data.U
-    rows = data.record == 0
-    length, lines = data.lengths[0], data.lines[0]
-    for o in range(E.shape[1]):
-        for i in range(U.shape[1]):
-            cross = np.zeros(length // 2 + 1, complex)
-            size = np.abs(U[rows, i])
-            cross[lines] = U[rows, i] / np.where(size > 0.0, size, 1.0) * E[rows, o].conj()
-            lag = np.fft.irfft(cross, length)
-            deviation = np.sqrt(2.0 * np.square(np.abs(cross)).sum()) / length
-            later = lag[_LATER : length // 4]
-            sooner = lag[-(length // 4) : -_LATER]
-            if (
-                len(later)
-                and np.abs(later).max() > _FEEDBACK * deviation
-                and np.abs(later).max() > 2.0 * np.abs(sooner).max()
-            ):
-                warn_user(
-                    f"inputs follow from errors of output {o + 1}, as in a closed loop: the model then mixes structure and"
-                    " controller, unless errors are small; add a signal of your own to the inputs"
-                )
-                return
+    data, rows = fit.data, fit.data.record == 0
+    U, length, size = data.U[rows], data.lengths[0], np.abs(data.U[rows])
+    cross, unit = np.zeros((length // 2 + 1, U.shape[1]), complex), U / np.where(size > 0.0, size, 1.0)
+    for o, error in enumerate(complex_of(fit.residuals)[rows].T, start=1):
+        cross[data.lines[0]] = unit * error.conj()[:, None]
+        lag = np.abs(np.fft.irfft(cross, length, axis=0))
+        deviation = np.sqrt(2.0 * squared(cross).sum(axis=0)) / length
+        later, sooner = lag[_LATER : length // 4].max(axis=0), lag[-(length // 4) : -_LATER].max(axis=0)
+        if ((later > _FEEDBACK * deviation) & (later > 2.0 * sooner)).any():
+            warn_user(
+                f"inputs follow from errors of output {o}, as in a closed loop: the model then mixes structure and"
+                " controller, unless errors are small; add a signal of your own to the inputs"
+            )
+            return

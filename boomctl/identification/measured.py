@@ -34,6 +34,8 @@ _FURTHER_MODES = 3  # Modes of the model in addition to the measured ones, for t
 _LEFT_OUT = 1e3  # relative spread with which values that are left out are paired with modes
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
+_MAX_RELATIVE_STD = 0.2  # Of a value with relative errors: of less sure ones the logarithm is not normal, and biased.
+_AROUND = 9  # Neighboring frequencies, whose median says whether a value is sure: single estimated deviations scatter.
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,9 @@ class Measured:
         deviation = getattr(measured, "deviation", None) if kind == RESPONSE else None
         with np.errstate(divide="ignore", invalid="ignore"):
             noise = None if deviation is None else np.asarray(deviation, float) / unit
-        spread = _spread(_weights(noise) if weights is None and noise is not None else weights, values)
+        if weights is None and noise is not None:
+            weights = _weights(_coherent(noise) if errors == "relative" else noise)
+        spread = _spread(weights, values)
         if errors == "relative" and (values[np.isfinite(spread)] == 0.0).any():
             raise ValueError(
                 "`data` has zeros, which have no relative error. Set their weight to 0, or errors='absolute'."
@@ -258,6 +262,21 @@ def _side_by_side(sets: Sequence["Measured"]) -> "Measured":
     joined["modes"] = None if joined["modes"] is None else tuple(joined["modes"].tolist())
     member = np.repeat(np.arange(len(sets)), [item.values.shape[-1] for item in sets])
     return replace(first, **joined, member=member)
+
+
+def _coherent(noise: Array) -> Array:
+    """Return relative deviations, infinite where one or the median of those around is large: the coherence is low there."""
+    from scipy.ndimage import median_filter  # long to import, and only measured responses come here
+
+    known = np.where(np.isnan(noise), np.inf, noise)
+    around = median_filter(known, (1, 1, _AROUND), mode="nearest")
+    result = np.where(np.maximum(known, around) > _MAX_RELATIVE_STD, np.inf, known)
+    if np.isinf(result).all():
+        raise ValueError(
+            f"`data` has standard deviations above {100.0 * _MAX_RELATIVE_STD:g} % of the values at all frequencies."
+            " Set error_model='absolute', or use a longer record."
+        )
+    return result
 
 
 def _weights(deviation: Array) -> Array | None:

@@ -1,6 +1,6 @@
 """Sampled records of inputs and outputs, and their checks."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -92,10 +92,10 @@ class Record:
         u, y = (tuple(record - record.mean(axis=0) for record in data) for data in (u, y))
         return cls(ins, outs, u, y, step, kinds, intersample)
 
-    def of_numbers(self, numbers: Iterable[int]) -> "Record":
-        """Return some of the records."""
-        which = list(numbers)
-        return replace(self, u=tuple(self.u[k] for k in which), y=tuple(self.y[k] for k in which))
+    def part(self, which: slice = slice(None), begin: float = 0.0, end: float = 1.0) -> "Record":
+        """Return some of the records, of each what is between two fractions of its length."""
+        u, y = (tuple(x[round(len(x) * begin) : round(len(x) * end)] for x in data[which]) for data in (self.u, self.y))
+        return replace(self, u=u, y=y)
 
     def cut(self, period: Any) -> tuple[int, int]:
         """Return the samples of a period [s], and how many whole periods the shortest record has."""

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from math import inf
-from textwrap import shorten
+from textwrap import fill, shorten
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -222,12 +222,9 @@ class FitResult(Summarized):
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} = {self.values[name]:.6g} ({self.interval_text(name)})" for name in self.names)
-        lines = [
-            f"FitResult: {self.certificate.adequacy}",
-            values,
-            *(item.description for item in self.unidentifiable[:1]),
-        ]
-        return "\n  ".join(shorten(line, WIDTH - 2, placeholder=" ...") for line in [*lines, self.certificate.checks])
+        lines = [values, *(item.description for item in self.unidentifiable[:1]), self.certificate.checks]
+        head = fill(f"FitResult: {self.certificate.adequacy}", WIDTH, subsequent_indent="  ")
+        return "\n  ".join([head, *(shorten(line, WIDTH - 2, placeholder=" ...") for line in lines)])
 
     def _errors(self) -> str:
         if np.isnan(self.error_std):

@@ -99,6 +99,7 @@ identify(confidence_level=1.0) -> confidence_level = 1.0: expected a number from
 identify(slice(0, 60)) -> at least 48 lines of the spectrum
 identify(error_model="relative") -> error_model = 'relative': expected None for a record
 bc.identify(EXACT, record()[0]) -> expected None for a measured frequency response
+bc.identify(BOTH) -> inputs: expected a frequency response with its phase, got magnitudes alone; give a file
 fast() -> sample_time = 0.02: expected resonances well below half .* got one at 24.2 Hz of 25
 # families, and bands of what they leave
 fit(error_std=0.01).family() -> model: expected a function that makes a SecondOrderModel .* makes ndarray

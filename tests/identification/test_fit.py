@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
+from scipy import signal, stats
 
 import boomctl as bc
 from boomctl.identification import MeasuredFrequencyResponse
 from boomctl.structure import GROUND, Assembly, Beam, BeamSegment, FiniteElements, Output, fixed
-from tests.identification.chain import CHAIN, OMEGA, frequencies, response
+from tests.identification.chain import CHAIN, OMEGA, frequencies, response, response_of_record, three_masses
 from tests.profiles import examples
 from tests.strategies import seeds
 
@@ -486,6 +486,22 @@ def test_what_an_estimated_response_says_of_its_errors_weighs():
     found = bc.fit(dense, H, ["k1"], {**CHAIN, "c": 4e-3}, n_starts=1)
     assert abs(found.values["k1"] / 900.0 - 1.0) < 2e-3
     assert found.certificate.residual_ratio < 1.2
+
+
+@pytest.mark.parametrize("errors", [0.001, 0.1])
+def test_fit_relative_errors_use_coherent_frequencies(errors):
+    """A right model is adequate over the default band, most of which is noise; the data count as independent numbers."""
+    model, rng = three_masses(0.01), np.random.default_rng(0)
+    u = signal.lfilter(*signal.butter(8, 0.8), rng.standard_normal((8000, 2)), axis=0)
+    y = response_of_record(model, u, 0.02)[4000:]
+    y += errors * y.std(axis=0) * rng.standard_normal(y.shape)
+    inputs, outputs = ({f"{name}{k + 1}": x for k, x in enumerate(X.T)} for name, X in (("f", u[4000:]), ("y", y)))
+    H = bc.estimate_frequency_response(inputs, outputs, 0.02, intersample="bl")
+    found = bc.fit(three_masses, H, {"damping": (0.001, 0.1)}, n_starts=1)
+    assert found.certificate.residual_ratio**2 < 1.5
+    assert found.values["damping"] == pytest.approx(0.01, rel=0.02)
+    assert found.certificate.ndata < 0.9 * H.frdata.size * 2
+    assert f"of {found.certificate.ndata:,} numbers, counted as independent" in str(found)
 
 
 # -- adequacy of the model ---------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Modes in a record: a common denominator gives poles to start from, residuals give candidates, blocks decide."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -13,6 +13,7 @@ from boomctl.identification.modal.spectra import Spectra, complex_of
 from boomctl.identification.modal.start import Track, poles_by_order, tracks
 from boomctl.lti.rounding import ALIKE
 
+_ORDERS = 11  # Number of orders, from half to the highest.
 _ROUNDS = 2  # Rounds of candidates.
 _CANDIDATES = 12  # Candidates of a round.
 _FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
@@ -40,46 +41,46 @@ _LEAST_EVIDENCE = 0.1  # Least evidence of a candidate over the largest one.
 _CHANCE = 1e-3  # Probability that a record of noise has one mode in it.
 
 
+@dataclass(frozen=True)
+class Band:
+    """Frequencies of the modes that are sought [rad/s], and the numbers of integrators that there may be, ascending."""
+
+    low: float
+    high: float
+    integrators: tuple[int, ...]
+
+    def modes(self, poles: Array) -> Array:
+        """Return which poles are modes of the band."""
+        return (poles.imag > 0.0) & (poles.imag >= self.low) & (poles.imag <= self.high)
+
+
 def search_poles(
-    data: Spectra, low: float, high: float, orders: tuple[int, ...], integrators: tuple[int, ...] = (0, 1, 2)
-) -> tuple[CommonPoles, Array, tuple[Track, ...]]:
+    data: Spectra, band: Band, highest: int
+) -> tuple[CommonPoles, Array, tuple[Track, ...], dict[int, Array]]:
     """Search the poles of a record within a band, and outside it where the left-out error falls.
 
-    Returns the fit, those of its poles that may be two, and the poles at each order.
-
-    Parameters
-    ----------
-    data : Spectra
-    low, high : float
-        Band [rad/s].
-    orders : tuple of int
-        Orders of the common denominators to start from.
-    integrators : tuple of int
-        Numbers of integrators that the plant may have, ascending.
+    Returns the fit, those of its poles that may be two, and the poles of common denominators that are alike at several
+    orders, up to the highest, and at each order.
     """
-    result = tracks(poles_by_order(data, orders), data.resolution)
-    fit, unresolved = _from_tracks(data, result, _STEADY * len(orders), low, high, integrators)
-    if not len(fit.poles):
-        fit, unresolved = _from_tracks(data, result, _LESS_STEADY * len(orders), low, high, integrators)
-    fit = with_background(_weighted(fit), low, high, integrators)
-    return settled(fit, low, high, integrators), unresolved, result
+    highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
+    orders = tuple(sorted({round(order) for order in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
+    by_order = poles_by_order(data, orders)
+    chains, fit, unresolved = tracks(by_order, data.resolution), None, np.zeros(0, complex)
+    for least in (_STEADY, _LESS_STEADY):
+        if fit is None or not len(fit.poles):
+            poles = [track.pole for track in chains if len(track.orders) >= least * len(orders)]
+            poles = np.array(poles[: most_poles(data)], complex)
+            start = CommonPoles(data, poles, np.zeros(0, complex), band.integrators[0])
+            fit, unresolved = refine(with_background(_weighted(start), band), band)
+    return settled(with_background(_weighted(fit), band), band), unresolved, chains, by_order
 
 
-def _from_tracks(
-    data: Spectra, chains: tuple[Track, ...], least: float, low: float, high: float, integrators: tuple[int, ...]
-) -> tuple[CommonPoles, Array]:
-    """Return the fit that starts from poles at so many orders at least, and those of its poles that may be two."""
-    poles = [track.pole for track in chains if len(track.orders) >= least]
-    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), integrators[0])
-    return refine(with_background(_weighted(start), low, high, integrators), low, high, integrators)
-
-
-def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> tuple[CommonPoles, Array]:
+def refine(fit: CommonPoles, band: Band) -> tuple[CommonPoles, Array]:
     """Fit the poles, remove those that are not determined, and add candidates from the residuals.
 
     Returns the fit, and those of its poles that may be two.
     """
-    fit, unresolved = pruned(_with_evidence(_roughly(fit)), low, high, integrators), np.zeros(0, complex)
+    fit, unresolved = pruned(_with_evidence(_roughly(fit)), band), np.zeros(0, complex)
     for _ in range(_ROUNDS):
         more, marked = candidates(fit)
         more, unresolved = more[: max(most_poles(fit.data) - len(fit.poles), 0)], fit.poles[marked]
@@ -90,16 +91,16 @@ def refine(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ..
         retained |= _is_determined(joined) & (joined.evidence > needed(joined))
         if retained.sum() == len(fit.poles):
             break
-        joined = pruned(_with_evidence(_roughly(_with(joined, joined.poles[retained]))), low, high, integrators)
+        joined = pruned(_with_evidence(_roughly(_with(joined, joined.poles[retained]))), band)
         if len(joined.poles) <= len(fit.poles):
             break
         fit = joined
     return fit, unresolved
 
 
-def settled(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
+def settled(fit: CommonPoles, band: Band) -> CommonPoles:
     """Return the fit at its minimum, without poles that are not determined."""
-    return pruned(fitted(_weighted(_roughly(fit))), low, high, integrators)
+    return pruned(fitted(_weighted(_roughly(fit))), band)
 
 
 def most_poles(data: Spectra) -> int:
@@ -107,15 +108,15 @@ def most_poles(data: Spectra) -> int:
     return max((len(data.s) - data.U.shape[1]) // (2 * (data.U.shape[1] + data.records)), 1)
 
 
-def with_background(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
+def with_background(fit: CommonPoles, band: Band) -> CommonPoles:
     """Add what is no mode of the band while the left-out error falls: a rigid body, a real pole, pairs outside the band."""
-    if fit.integrators > integrators[0]:
+    if fit.integrators > band.integrators[0]:
         fewer = _roughly(replace(fit, integrators=fit.integrators - 1))
         fit = fit if _falls(left_out_errors(fewer), left_out_errors(fit)) else fewer
-    fit = _with_rigid_body(fit, integrators)
-    fixed = [pole for pole in fixed_poles(low, high) if pole not in fit.fixed]
-    if fit.data.held and 2.0 * high * fit.data.step > np.pi:
-        fixed = [pole for pole in fixed if abs(pole) < high]
+    fit = _with_rigid_body(fit, band)
+    fixed = [pole for pole in fixed_poles(band.low, band.high) if pole not in fit.fixed]
+    if fit.data.held and 2.0 * band.high * fit.data.step > np.pi:
+        fixed = [pole for pole in fixed if abs(pole) < band.high]
     errors = left_out_errors(fit)
     while fixed:
         trials = [replace(fit, fixed=np.append(fit.fixed, pole)) for pole in fixed]
@@ -128,10 +129,10 @@ def with_background(fit: CommonPoles, low: float, high: float, integrators: tupl
     return fit
 
 
-def _with_rigid_body(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPoles:
+def _with_rigid_body(fit: CommonPoles, band: Band) -> CommonPoles:
     """Add integrators and real poles, the fewest that lower the left-out error as far."""
     present = int((fit.poles.imag == 0.0).sum())
-    counts = [count for count in integrators if count >= fit.integrators]
+    counts = [count for count in band.integrators if count >= fit.integrators]
     options = [(count, more) for count in counts for more in range(_REAL_POLES + 1 - present)]
     options = [(count, more) for count, more in options if not (count == 2 and present + more)]
     base = errors = left_out_errors(fit)
@@ -145,7 +146,7 @@ def _with_rigid_body(fit: CommonPoles, integrators: tuple[int, ...]) -> CommonPo
         trial = _roughly(trial)
         slow = (trial.poles.imag == 0.0) & (-trial.poles.real < _SLOWEST * _slowest(fit.data))
         if slow.any():
-            trial = _roughly(_without_real_pole(trial, slow, integrators))
+            trial = _roughly(_without_real_pole(trial, slow, band))
         after = left_out_errors(trial)
         if _falls(errors, after):
             best, errors = trial, after
@@ -169,12 +170,12 @@ def _slowest(data: Spectra) -> float:
     return min(data.resolution, float(np.abs(data.s).min()))
 
 
-def _without_real_pole(fit: CommonPoles, which: Array, integrators: tuple[int, ...]) -> CommonPoles:
+def _without_real_pole(fit: CommonPoles, which: Array, band: Band) -> CommonPoles:
     """Return the fit without the slowest of some real poles, or with an integrator for it if the left-out error falls."""
     k = int(np.argmax(np.where(which, fit.poles.real, -np.inf)))
     bare = _with(fit, np.delete(fit.poles, k))
     slow = -fit.poles[k].real < np.sqrt(_slowest(fit.data) * fit.data.top)
-    if slow and fit.integrators < max(integrators):
+    if slow and fit.integrators < max(band.integrators):
         more = replace(bare, integrators=fit.integrators + 1)
         return more if _falls(left_out_errors(bare), left_out_errors(more)) else bare
     return bare
@@ -187,18 +188,17 @@ def _falls(before: Array, after: Array, least: float = _LEAST_FALL_OF_RIGID_BODY
     return bool(fall.mean() > max(_SIGNIFICANT * error, least))
 
 
-def pruned(fit: CommonPoles, low: float, high: float, integrators: tuple[int, ...]) -> CommonPoles:
+def pruned(fit: CommonPoles, band: Band) -> CommonPoles:
     """Remove poles within the band whose damping ratio or frequency the record does not determine."""
     while len(fit.poles):
         steps = _QUANTILE * deviations(fit)
-        inside = (fit.poles.imag >= low) & (fit.poles.imag <= high)
         real = fit.poles.imag == 0.0
         undetermined = real & ((steps[:, 0] > np.log(_FACTOR)) | (-fit.poles.real > fit.data.top))
         if undetermined.any():
-            fit = _roughly(_without_real_pole(fit, undetermined, integrators))
+            fit = _roughly(_without_real_pole(fit, undetermined, band))
             continue
         overdamped = ~real & (-fit.poles.real > MOST_DAMPED * np.abs(fit.poles))
-        outside = overdamped | ~(real | inside)
+        outside = overdamped | ~(real | band.modes(fit.poles))
         if outside.any():
             slow = -np.abs(fit.poles[overdamped])[: _REAL_POLES - real.sum()]
             fit = _roughly(_with(fit, np.append(fit.poles[~outside], slow)))

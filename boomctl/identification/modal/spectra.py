@@ -52,23 +52,24 @@ class Spectra:
     scale: Array
 
     @classmethod
-    def of_record(cls, record: Record, low: float, high: float, span: slice) -> "Spectra":
-        """Return the spectra of a part of each record within a band [Hz], zero left out."""
-        parts, lines, lengths = [], [], []
+    def of_record(cls, record: Record, low: float, high: float) -> "Spectra":
+        """Return the spectra of each record within a band [Hz], zero left out."""
+        parts, lines = [], []
         for k, (u, y) in enumerate(zip(record.u, record.y, strict=True)):
-            part = slice(*(round(len(u) * end) for end in (span.start, span.stop)))
-            _enough((part.stop - part.start) // 2, u.shape[1])
-            u, y = u[part] - u[part].mean(axis=0), y[part] - y[part].mean(axis=0)
-            hz = np.fft.rfftfreq(len(u), record.step)
+            hz = np.fft.rfftfreq(max(len(u), 2), record.step)
             use = np.flatnonzero((hz > 0.0) & (hz >= low) & (hz <= high) & (hz < 0.5 / record.step))
-            _enough(len(use), u.shape[1])
-            spectra = (np.fft.rfft(x, axis=0)[use] / np.sqrt(len(u)) for x in (u, y))
+            if len(use) < FEWEST * u.shape[1]:
+                raise ValueError(
+                    f"inputs: expected at least {FEWEST * u.shape[1]} lines of the spectrum in the band, got {len(use)} in"
+                    " the part that is fitted or held back; a longer record has more, or a wider band where inputs have power"
+                )
+            spectra = (np.fft.rfft(x - x.mean(axis=0), axis=0)[use] / np.sqrt(len(u)) for x in (u, y))
             parts.append((2j * np.pi * hz[use], *spectra, np.full(len(use), k)))
             lines.append(use)
-            lengths.append(len(u))
         s, U, Y, which = (np.concatenate(item) for item in zip(*parts, strict=True))
         held = record.intersample == "zoh"
-        return cls(s, U, Y, which, tuple(lines), tuple(lengths), record.step, held, np.ones(Y.shape[1])).scaled(rms(Y))
+        lengths = tuple(map(len, record.u))
+        return cls(s, U, Y, which, tuple(lines), lengths, record.step, held, np.ones(Y.shape[1])).scaled(rms(Y))
 
     @classmethod
     def of_response(
@@ -244,12 +245,3 @@ def rms(columns: Array) -> Array:
     """Return the root mean square of each column; one where it is zero."""
     size = np.sqrt(np.square(np.abs(columns)).mean(axis=0))
     return np.where(size > 0.0, size, 1.0)
-
-
-def _enough(lines: int, inputs: int) -> None:
-    """Raise an error for a part of a record with too few lines in the band."""
-    if lines < FEWEST * inputs:
-        raise ValueError(
-            f"inputs: expected at least {FEWEST * inputs} lines of the spectrum in the band, got {lines}"
-            " in the part that is fitted or held back; a longer record has more, or a wider band where inputs have power"
-        )
