@@ -425,13 +425,13 @@ def identify(
         raise TypeError(
             f"error_model = {error_model!r}: expected None for a record, whose residuals say how large its errors are"
         )
-    if is_response and record is None:
-        trials = _of_response(source, frequency_range_hz, quantity, error_model, rigid)
-    elif is_response:
+    if is_response and record is not None:
         low, high = (source.omega[[0, -1]] / (2.0 * np.pi)).tolist()
         ends_hz = band((low, high) if frequency_range_hz is None else frequency_range_hz, high)
         kinds = record.quantity if quantity is None else quantities(quantity, record.outputs)
         trials = [_of_record(replace(record, quantity=kinds), ends_hz, 0.0, rigid)]
+    elif is_response:
+        trials = _of_response(source, frequency_range_hz, quantity, error_model, rigid)
     else:
         record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, intersample)
         ends_hz = _band(record, frequency_range_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
@@ -457,19 +457,19 @@ def identify(
     # another record is at least as uncertain
     steps = np.stack([of_mean, np.maximum(of_part, np.sqrt(2.0) * of_mean)], axis=1)
     simple, energy = RankOne.of(fit), fit.energy_fractions / fit.energy_fractions.sum()
-    signals = trial.inputs, trial.outputs
-    orders = tuple(QUANTITIES[kind] for kind in trial.kinds)
+    signals, orders = (trial.inputs, trial.outputs), tuple(QUANTITIES[kind] for kind in trial.kinds)
     model = simple.with_real_directions(fit.data, _LOSS).structure(*signals, orders)
+    shapes = simple.c / fit.poles[:, None] ** np.array(orders)
+    near = np.abs(fit.poles[:, None] - unresolved) < -fit.poles.real[:, None]
     return IdentificationResult(
         modes=tuple(
             _mode(
                 pole,
                 steps[k],
-                simple.c[k] / pole ** np.array(orders),
+                shapes[k],
                 float(energy[k]),
-                chains,
-                len(by_order),
-                unresolved,
+                _steadiness(pole, chains, len(by_order)),
+                bool(near[k].any()),
             )
             for k, pole in enumerate(fit.poles[:number].tolist())
         ),
@@ -659,25 +659,18 @@ def _likelihood(fit: CommonPoles) -> float:
     return float(2.0 * len(deviation) * np.log(weights).sum() - 2.0 * len(weights) * np.log(deviation).sum())
 
 
-def _mode(
-    pole: complex, steps: Array, shape: Array, energy: float, chains: Sequence[Track], orders: int, unresolved: Array
-) -> IdentifiedMode:
+def _mode(pole: complex, steps: Array, shape: Array, energy: float, steady: float, double: bool) -> IdentifiedMode:
     hz, damping, width = pole.imag / (2.0 * np.pi), -pole.real / abs(pole), -pole.real / (2.0 * np.pi)
     frequencies = [(hz - width * step, hz + width * step) for step in steps[:, 1].tolist()]
     dampings = [(low, min(high, 1.0)) for low, high in (_factors(damping, step) for step in steps[:, 0])]
-    near = [len(chain.orders) for chain in chains if abs(chain.pole - pole) < -pole.real]
-    return IdentifiedMode(
-        frequency_hz=hz,
-        damping_ratio=damping,
-        frequency_interval_hz=frequencies[0],
-        damping_ratio_interval=dampings[0],
-        shape=shape / shape[np.argmax(np.abs(shape))],
-        energy_fraction=energy,
-        stabilization=max(near, default=0) / orders,
-        frequency_prediction_interval_hz=frequencies[1],
-        damping_ratio_prediction_interval=dampings[1],
-        closely_spaced=bool((np.abs(pole - unresolved) < -pole.real).any()),
-    )
+    intervals = frequencies[0], dampings[0]
+    shape = shape / shape[np.argmax(np.abs(shape))]
+    return IdentifiedMode(hz, damping, *intervals, shape, energy, steady, frequencies[1], dampings[1], double)
+
+
+def _steadiness(pole: complex, chains: Sequence[Track], orders: int) -> float:
+    """Return the fraction of the orders with a pole near this one."""
+    return max((len(chain.orders) for chain in chains if abs(chain.pole - pole) < -pole.real), default=0) / orders
 
 
 def _factors(value: float, step: float) -> tuple[float, float]:
