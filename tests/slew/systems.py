@@ -10,10 +10,11 @@ def rigid(inertia: float) -> control.StateSpace:
     return control.ss([[0, 1], [0, 0]], [[0], [1 / inertia]], [[1, 0]], 0)
 
 
-def two_masses() -> control.StateSpace:
-    """Two unit masses, a unit spring, the force on the first, which is the one that is moved."""
-    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, 0, 0], [1, -1, 0, 0]]
-    return control.ss(A, [[0], [0], [1], [0]], [[1, 0, 0, 0]], 0)
+def two_masses(rate: float = 1.0) -> control.StateSpace:
+    """Two unit masses, a unit spring, the force on the first, which is the one that is moved; in other units of time."""
+    k = rate**2
+    A = [[0, 0, 1, 0], [0, 0, 0, 1], [-k, k, 0, 0], [k, -k, 0, 0]]
+    return control.ss(A, [[0], [0], [k], [0]], [[1, 0, 0, 0]], 0)
 
 
 def two_masses_exact() -> tuple[float, np.ndarray]:
