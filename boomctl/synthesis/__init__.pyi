@@ -11,11 +11,11 @@ from boomctl.synthesis.lq.h2 import h2 as h2
 from boomctl.synthesis.lq.kalman import KalmanResult as KalmanResult
 from boomctl.synthesis.lq.kalman import kalman as kalman
 from boomctl.synthesis.lq.lqg import LqgResult as LqgResult
+from boomctl.synthesis.lq.lqg import RecoveryResult as RecoveryResult
+from boomctl.synthesis.lq.lqg import loop_transfer_recovery as loop_transfer_recovery
 from boomctl.synthesis.lq.lqg import lqg as lqg
 from boomctl.synthesis.lq.lqr import LqrResult as LqrResult
 from boomctl.synthesis.lq.lqr import lqr as lqr
-from boomctl.synthesis.lq.recovery import RecoveryResult as RecoveryResult
-from boomctl.synthesis.lq.recovery import loop_transfer_recovery as loop_transfer_recovery
 from boomctl.synthesis.plants.generalized import generalized_plant as generalized_plant
 from boomctl.synthesis.plants.generalized import mixed_sensitivity as mixed_sensitivity
 from boomctl.synthesis.plants.generalized import select_channels as select_channels

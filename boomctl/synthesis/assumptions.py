@@ -9,8 +9,7 @@ from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.hidden_modes import unmoved
 from boomctl.lti.rounding import SOLVED
-from boomctl.synthesis.hinf.normal_form import NormalizedPlant, normalized
-from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.plants.partition import GeneralizedPlant, NormalizedPlant, normalized
 
 _RANK_RTOL = 1e-10  # Least singular value of D12 or D21 with unit columns; its inverse must have six digits.
 _ZERO_RTOL = 1e-14  # A column below this fraction of the largest one is rounding.

@@ -6,12 +6,15 @@ from functools import cached_property
 from math import inf, nan
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from boomctl.analysis.claim import Claim
-from boomctl.analysis.norm import NormBounds
-from boomctl.lti.system import Lti, unscaled
+from boomctl.analysis.norm import NormBounds, matrices_norm
+from boomctl.lti.system import ClosedLoop, Lti, rates_of, unscaled
 from boomctl.printing import compact, sentence
 from boomctl.synthesis.lq.riccati import RiccatiSolution
 from boomctl.synthesis.plants.channels import Channel
+from boomctl.synthesis.plants.partition import GeneralizedPlant
 
 if TYPE_CHECKING:
     import control
@@ -206,3 +209,42 @@ class DesignCertificate:
         if self.lower_bound > 0.0:
             return self.norm_bounds.upper_bound / self.lower_bound - 1.0
         return inf if self.norm_bounds.upper_bound > 0.0 else 0.0
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A controller, its verified closed loop with norm and spectral abscissa, and the log of the search for it."""
+
+    K: Lti
+    loop: Lti
+    norm: NormBounds
+    abscissa: float
+    stages: tuple[str, ...] = ()
+
+
+def largest_pole(K: Lti) -> float:
+    """Return the largest magnitude of a controller's poles [rad/s]."""
+    return float(np.abs(K.poles).max(initial=0.0))
+
+
+def verified_candidate(plant: GeneralizedPlant, K: Lti, limit: float, fastest: float = np.inf) -> Candidate:
+    """Return a controller whose loop is stable, with a verified norm up to ``limit``, and its poles up to ``fastest``.
+
+    Raises
+    ------
+    ValueError
+        If the controller does not pass, with the reason.
+    """
+    if (speed := largest_pole(K)) > fastest:
+        raise ValueError(f"a pole at {speed:.3g} rad/s where {fastest:.3g} are allowed")
+    parts = ClosedLoop(plant.system, K)
+    loop = parts.system
+    abscissa = float(rates_of(loop.eigensystem[0], loop.dt).real.max(initial=-np.inf))
+    if abscissa >= 0.0:
+        raise ValueError(f"its loop has a pole with real part {abscissa:.3g} rad/s")
+    norm = matrices_norm(parts)
+    if not norm.verified:
+        raise ValueError(f"the norm of its loop could not be verified ({norm.method})")
+    if norm.upper_bound > limit or norm.lower_bound == np.inf:
+        raise ValueError(f"its loop has norm {norm.lower_bound:.6g}, more than {limit:.6g}")
+    return Candidate(K, loop, norm, abscissa)

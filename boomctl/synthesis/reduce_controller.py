@@ -12,12 +12,11 @@ from boomctl.arrays import Array, balance
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
-from boomctl.lti.modal import residualised
+from boomctl.lti.modal import residualised, split
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
-from boomctl.synthesis.certificate import LoopDesign
-from boomctl.synthesis.hinf.candidates import largest_pole, verified_candidate, without_fast_poles
+from boomctl.synthesis.certificate import LoopDesign, largest_pole, verified_candidate
 from boomctl.synthesis.plants.partition import GeneralizedPlant, matched
 from boomctl.threads import one_blas_thread
 
@@ -163,6 +162,22 @@ def reduce_controller(
         )
     which = "any order" if order is None else f"order {order}"
     raise SynthesisError(f"No controller of {which} has a closed loop with a norm below {allowed:.6g}: {rejected}.")
+
+
+def without_fast_poles(K: Lti, fastest: float) -> Lti:
+    """Return a controller with the poles above a magnitude [rad/s] replaced by their static gain.
+
+    Raises
+    ------
+    ValueError
+        If these poles cannot be separated.
+    """
+    parts = split(K, np.abs(K.poles) > fastest)
+    fast, slow = parts.retained, parts.rest
+    D = slow.D - fast.C @ np.linalg.solve(fast.A, fast.B)
+    if not all(np.isfinite(part).all() for part in (slow.B, slow.C, D)):
+        raise ValueError("fast poles cannot be separated")
+    return replace(K, A=slow.A, B=slow.B, C=slow.C, D=D, state_labels=())
 
 
 def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:

@@ -18,8 +18,7 @@ from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTimeError
 from boomctl.synthesis.hinf.bounds import lowest_level
-from boomctl.synthesis.hinf.normal_form import normalized
-from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.plants.partition import GeneralizedPlant, normalized
 
 _TOLERANCE = 1e-4  # relative tolerance of the lowest level
 _SHIFTS = (0.0, 1e-6, 1e-4)  # shifts of the axis over the fastest pole: the bound is lower by about this order
@@ -53,7 +52,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
         try:
             measured, replaced = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
-            bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
+            bounds = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
         except OutOfTimeError as over:
             raise SynthesisError(f"the time ran out while {over}") from None
         except _FAILED as error:

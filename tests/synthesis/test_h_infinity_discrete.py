@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from slycot.exceptions import SlycotError
 
 import boomctl as bc
-from boomctl.synthesis.hinf.normal_form import normalized
-from boomctl.synthesis.plants.partition import partition
+from boomctl.synthesis.plants.partition import normalized, partition
 from tests.profiles import examples
 from tests.synthesis import test_h2_discrete
 

@@ -1,4 +1,7 @@
-"""The lowest H-infinity level that is reached, and lower bounds for all controllers.
+"""The two Riccati equations of H-infinity synthesis, the lowest level reached, and lower bounds for all controllers.
+
+The equations show whether a controller reaches a level, and parametrize all controllers that do (Glover & Doyle 1988; Zhou,
+Doyle & Glover, Robust and Optimal Control, 1996, theorem 17.1).
 
 At one frequency the closed loop of any controller is ``P11 + P12 Q P21`` with some matrix ``Q``. The least norm over all
 matrices is the larger of ``P11`` without the range of ``P12`` and ``P11`` without that of ``P21'`` (Parrott 1978; Davis,
@@ -7,20 +10,21 @@ Kahan & Weinberger 1982). State feedback changes neither, and the H2-optimal one
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.rounding import TINY
-from boomctl.lti.system import Lti
+from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.printing import compact
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.normal_form import NormalizedPlant
-from boomctl.synthesis.hinf.two_riccati import COUPLING, Level, gains, level_of
-from boomctl.synthesis.plants.partition import GeneralizedPlant
+from boomctl.synthesis.lq.riccati import even, schur_solution
+from boomctl.synthesis.plants.partition import GeneralizedPlant, NormalizedPlant, with_feedthrough
 
 FIRST_LEVEL = 0.95  # Excess of the first level over the lower bound, relative to rtol. The rest is for rounding errors.
 _SEARCH_RTOL = 0.25  # Accuracy of the lowest level, relative to rtol.
@@ -30,7 +34,136 @@ _MAX_LEVELS = 80  # Every fourth one halves the interval; 20 halvings reduce a r
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
 _SLOWEST = 1e-9  # Poles below this fraction of the fastest one set no frequency of the bound.
 _ZERO_LEVEL = 1e-8  # A level below this fraction of the gain of the plant is zero.
+_INDEFINITE_RTOL = 1e-8  # A negative eigenvalue of X below this fraction of the largest one is rounding error.
+# Least ratio of the singular values of I + D_K D22. The loop of the central controller loses three digits below it.
+_MIN_WELL_POSEDNESS = 1e-3
+_COUPLING = "state feedback and estimation together do not reach it (rho(XY) >= gamma^2)"
 REFUTED_RTOL = 1e-6  # A verified norm refutes a bound that exceeds it by more; a tenth of the tolerance of norms.
+
+
+def _disturbance_terms(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Array, Array]:
+    """Return ``W, E, S`` of the worst disturbance ``w = W (S + E' X) x`` of a plant with ``D12 = [0; I]`` at a level."""
+    free = plant.nz - plant.ncon
+    D, identity = plant.D11[:free], np.eye(plant.nw)
+    weight = np.zeros_like(identity) if np.isinf(gamma) else np.linalg.inv(gamma**2 * identity - D.T @ D)
+    return weight, plant.B1 - plant.B2 @ plant.D11[free:], D.T @ plant.C1[:free]
+
+
+def _riccati_equation(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Array, Array]:
+    """Return ``F, G, Q`` of the state-feedback equation ``F'X + X F - X G X + Q = 0``; an infinite level gives that of H2."""
+    free, B2 = plant.nz - plant.ncon, plant.B2
+    C, C12 = plant.C1[:free], plant.C1[free:]
+    weight, entry, through = _disturbance_terms(plant, gamma)
+    weighted = weight @ through
+    return plant.A - B2 @ C12 + entry @ weighted, B2 @ B2.T - entry @ weight @ entry.T, C.T @ C + through.T @ weighted
+
+
+def _gain(plant: GeneralizedPlant, gamma: float, X: Array) -> Array:
+    """Return the gain of the worst disturbance and the best control over the states, in this order."""
+    free = plant.nz - plant.ncon
+    weight, entry, through = _disturbance_terms(plant, gamma)
+    worst = weight @ (through + entry.T @ X)
+    return np.vstack([worst, -plant.C1[free:] - plant.B2.T @ X - plant.D11[free:] @ worst])
+
+
+@dataclass(frozen=True)
+class Level:
+    """Solutions of the Riccati equations at one level.
+
+    Attributes
+    ----------
+    gamma : float
+    reason : str
+        Empty if the level is reached, otherwise the case that fails.
+    radius : float
+        Square root of the spectral radius of ``X Y``; NaN if a solution does not exist or is indefinite.
+    lower_bound : float
+        Norm that no controller goes below, by this level: the radius grows as the level falls.
+    X, Y : (n, n) ndarray or None
+        Stabilizing solutions, None if they were not both computed.
+    """
+
+    gamma: float
+    reason: str
+    radius: float = np.nan
+    lower_bound: float = 0.0
+    X: Any = None
+    Y: Any = None
+
+
+def level_of(ready: NormalizedPlant, gamma: float) -> Level:
+    """Solve the two Riccati equations at a level; ``inf`` gives those of H2."""
+    solutions = []
+    for plant, name, case in ((ready, "X", "with all states measured"), (ready.dual, "Y", "with all states actuated")):
+        solution = schur_solution(*_riccati_equation(plant, gamma))
+        if solution is None:
+            return Level(gamma, f"{case}, no controller reaches it (no stabilizing {name})")
+        solution = even(solution)
+        values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
+        if values[0] < -_INDEFINITE_RTOL * max(np.abs(values[[0, -1]]).max(), TINY):
+            reason = f"{case}, no controller reaches it ({name} is indefinite)"
+            return Level(gamma, reason, lower_bound=gamma if np.isfinite(gamma) else 0.0)
+        solutions.append(solution)
+    X, Y = solutions
+    values = np.linalg.eigvals(X @ Y).real if len(X) else np.zeros(1)
+    radius = float(np.sqrt(max(values.max(), 0.0)))
+    return Level(gamma, _COUPLING if radius >= gamma else "", radius, min(radius, gamma), X, Y)
+
+
+def suboptimal_controller(ready: NormalizedPlant, gamma: float, D22: Array) -> Lti:
+    """Return the central controller of a level, in the signals of the plant, which has ``D22``, if its loop is well-posed.
+
+    Otherwise return that one of three controllers for which ``I + D_K D22`` is best conditioned.
+
+    Raises
+    ------
+    ValueError
+        If the level is not reached, or if the loop is not well-posed.
+    """
+    level = level_of(ready, gamma)
+    if level.reason:
+        raise ValueError(level.reason)
+    family, inward, outward = _all_controllers(ready, level), ready.from_measurements, ready.from_controls
+    through = inward @ D22 @ outward
+
+    def well_posedness(K: Lti) -> float:
+        values = linalg.svdvals(np.eye(len(K.D)) + K.D @ through)
+        return float(values[-1] / max(1.0, values[0]))
+
+    K = lower_lft(family.system, static(np.zeros((family.ncon, family.nmeas))))
+    if well_posedness(K) < _MIN_WELL_POSEDNESS:
+        left, _, right = linalg.svd(family.D21 @ through @ family.D12, full_matrices=False)
+        aligned = 0.5 * gamma * (left @ right).T
+        K = max(K, *(lower_lft(family.system, static(Q)) for Q in (aligned, -aligned)), key=well_posedness)
+    return with_feedthrough(Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward), D22)
+
+
+def _all_controllers(ready: NormalizedPlant, level: Level) -> GeneralizedPlant:
+    """Return the parametrization of all controllers of a level.
+
+    Closed by any stable ``Q`` with a norm below the level it is a controller ``u = K y``: its first input is ``y``, its
+    first output ``u``.
+    """
+    F, L = _gain(ready, level.gamma, level.X), _gain(ready.dual, level.gamma, level.Y).T
+    m1, p1 = ready.nw, ready.nz
+    m, p, g2 = m1 - ready.nmeas, p1 - ready.ncon, level.gamma**2
+    F12, F2, L12, L2 = F[m:m1], F[m1:], L[:, p:p1], L[:, p1:]
+    D = ready.D11
+    D11, D12, D21, D22 = D[:p, :m], D[:p, m:], D[p:, :m], D[p:, m:]
+    tall = np.linalg.inv(g2 * np.eye(p) - D11 @ D11.T)
+    wide = np.linalg.inv(g2 * np.eye(m) - D11.T @ D11)
+    E11 = -D21 @ D11.T @ tall @ D12 - D22
+    E12 = linalg.cholesky(np.eye(len(D22)) - D21 @ wide @ D21.T, lower=True)
+    E21 = linalg.cholesky(np.eye(D22.shape[1]) - D12.T @ tall @ D12)
+    coupling = np.linalg.inv(np.eye(len(level.X)) - level.Y @ level.X / g2)
+    B2 = coupling @ (ready.B2 + L12) @ E12
+    C2 = -E21 @ (ready.C2 + F12)
+    B1 = -coupling @ L2 + B2 @ np.linalg.solve(E12, E11)
+    inner = np.linalg.solve(E21, C2)
+    A = ready.A + ready.system.B @ F + B1 @ inner
+    through = blocks([[E11, E12], [E21, np.zeros((len(E21), len(E12)))]])
+    family = Lti(A, np.hstack([B1, B2]), np.vstack([F2 + E11 @ inner, C2]), through)
+    return GeneralizedPlant(family, nmeas=ready.nmeas, ncon=ready.ncon)
 
 
 @dataclass(frozen=True)
@@ -93,10 +226,8 @@ class Bounds:
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
 
-def lowest_level(
-    ready: NormalizedPlant, rtol: float, deadline: Deadline, wanted: float | None = None
-) -> tuple[Bounds, Level]:
-    """Return the lowest level that is reached, within ``rtol`` of its lower bound, and its Riccati solutions.
+def lowest_level(ready: NormalizedPlant, rtol: float, deadline: Deadline, wanted: float | None = None) -> Bounds:
+    """Return the lowest level that is reached, within ``rtol`` of its lower bound.
 
     If ``wanted`` is given, the search continues until that level is reached or excluded.
 
@@ -110,16 +241,15 @@ def lowest_level(
     relaxed = level_of(ready, np.inf)
     if relaxed.reason:
         raise SynthesisError(f"The Riccati equations of H2 synthesis could not be solved: {relaxed.reason}.")
-    F, L = gains(ready, relaxed)
-    F2, L2 = F[ready.nw :], L[:, ready.nz :]
-    frequency, omega = frequency_bound(ready, F2, L2)
-    poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F2, ready.A + L2 @ ready.C2))
+    F, L = (_gain(plant, np.inf, X)[plant.nw :] for plant, X in ((ready, relaxed.X), (ready.dual, relaxed.Y)))
+    frequency, omega = frequency_bound(ready, F, L.T)
+    poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F, ready.A + L.T @ ready.C2))
     band = float(np.abs(np.concatenate(poles)).max(initial=0.0))
     levels = _bisected(ready, relaxed, frequency, rtol, np.inf if wanted is None else wanted, deadline)
-    reached = min((level for level in levels if not level.reason), key=lambda level: level.gamma)
+    reached = min(level.gamma for level in levels if not level.reason)
     best = max(levels, key=lambda level: level.lower_bound)
-    reason = (best.reason or COUPLING) if best.lower_bound > 0.0 else ""
-    return Bounds(reached.gamma, frequency, omega, best.lower_bound, reason, band), reached
+    reason = (best.reason or _COUPLING) if best.lower_bound > 0.0 else ""
+    return Bounds(reached, frequency, omega, best.lower_bound, reason, band)
 
 
 def _bisected(
@@ -129,7 +259,7 @@ def _bisected(
 
     The levels grow until one is reached. Then the interval is divided at the secant or, every fourth time, halved.
     """
-    size, tolerance = _gain(ready), _SEARCH_RTOL * rtol
+    size, tolerance = _typical_gain(ready), _SEARCH_RTOL * rtol
     low, high, levels = max(frequency, relaxed.radius), np.inf, [relaxed]
     base, growth = low or size, _FIRST_GROWTH
     gamma = base * (1.0 + FIRST_LEVEL * rtol)
@@ -173,7 +303,7 @@ def _secant(levels: list[Level], tolerance: float) -> float:
         return float(unit / np.sqrt(inverse[0, 0] - slope * gap[0]) * (1.0 + _SECANT_MARGIN * tolerance * abs(slope)))
 
 
-def _gain(ready: NormalizedPlant) -> float:
+def _typical_gain(ready: NormalizedPlant) -> float:
     """Return an estimate of the gain of the plant: the first level, if there is no lower bound."""
     B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
     rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)

@@ -1,7 +1,9 @@
 """H-infinity controllers with a verified closed loop and a lower bound for all controllers."""
 
+from bisect import bisect_left
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -16,18 +18,26 @@ from boomctl.printing import Summarized, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import checked
-from boomctl.synthesis.certificate import DesignCertificate, LoopDesign
-from boomctl.synthesis.hinf.bounds import Bounds, lowest_level
-from boomctl.synthesis.hinf.candidates import Candidate, Task, largest_pole, lowest_controller, verified_candidate
+from boomctl.synthesis.certificate import Candidate, DesignCertificate, LoopDesign, largest_pole, verified_candidate
+from boomctl.synthesis.hinf.bounds import FIRST_LEVEL, Bounds, lowest_level, suboptimal_controller
 from boomctl.synthesis.plants.full_plant import evaluate_on_full_plant, origin_of
-from boomctl.synthesis.plants.partition import GeneralizedPlant, partition
+from boomctl.synthesis.plants.partition import GeneralizedPlant, NormalizedPlant, partition
+from boomctl.synthesis.reduce_controller import without_fast_poles
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     import control
 
-_LEVELS = (1e-100, 1e100)  # Range of `gamma`, whose square must not overflow.
+_GAMMA_RANGE = (1e-100, 1e100)  # Range of `gamma`, whose square must not overflow.
 _MAP_RTOL = 1e-4  # Excess of the norm on the unit circle over that of the image, by rounding of the bilinear map.
+_NORM_RTOL = 0.01  # Excess of the norm of a loop over the level of its controller, by rounding of the solver.
+_WANTED_LEVELS = (0.9999, 0.99)  # Levels below a wanted norm; the second one leaves more for rounding.
+# Excess of the first levels over the lower bound, relative to rtol. The nearer one has faster poles, further from those
+# that are retained if they are residualized.
+_FIRST_LEVELS = (FIRST_LEVEL, 0.5)
+# Largest excess over the lower bound with poles below the default limit, and with no limit or one that the user set.
+_MAX_EXCESS, _MAX_EXCESS_STRICT = 1.0, 100.0
+_LEVELS = 255  # Between rtol and the largest excess; bisection takes eight of them.
 _MAX_SPEED = 1000.0  # Default limit of the controller's poles, relative to those of the plant and of the H2 loop.
 
 
@@ -174,7 +184,7 @@ def h_infinity(
     discrete = original.system.dt != 0.0
     if discrete and fastest_pole is not None:
         raise ValueError("`fastest_pole` must be None for a discrete plant, whose controller runs once a sample.")
-    wanted = None if gamma is None else within("gamma", gamma, *_LEVELS) * (1.0 - _MAP_RTOL if discrete else 1.0)
+    wanted = None if gamma is None else within("gamma", gamma, *_GAMMA_RANGE) * (1.0 - _MAP_RTOL if discrete else 1.0)
     plant = replace(original, system=continuous_image(original.system))
     rtol, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)
@@ -182,12 +192,12 @@ def h_infinity(
     with computing("H-infinity synthesis", progress):
         deadline = Deadline(limit)
         try:
-            bounds, reached = lowest_level(ready, rtol, deadline, wanted)
+            bounds = lowest_level(ready, rtol, deadline, wanted)
             if wanted is not None and wanted < bounds.lower:
                 raise SynthesisError(f"`gamma` = {wanted:.6g} cannot be reached: {bounds.why}.")
             fastest = allowed if allowed is not None else (_MAX_SPEED * bounds.band or np.inf)
-            task = Task(plant, ready, bounds, reached, fastest, rtol, deadline, wanted)
-            candidate = lowest_controller(task, strict=allowed is not None)
+            task = _Task(plant, ready, bounds, fastest, rtol, deadline, wanted)
+            candidate = _lowest_controller(task, strict=allowed is not None)
         except OutOfTimeError as over:
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
         bounds = bounds.below(candidate.norm.upper_bound)
@@ -219,6 +229,69 @@ def h_infinity(
         )
 
 
+@dataclass(frozen=True)
+class _Task:
+    """A plant, lower bounds of its loops and the lowest level reached, and the requirements on a controller."""
+
+    plant: GeneralizedPlant
+    ready: NormalizedPlant
+    bounds: Bounds
+    fastest: float
+    rtol: float
+    deadline: Deadline
+    wanted: float | None = None
+
+    def level(self, excess: float) -> float:
+        """Return a level by its excess over the lower bound, not below the one that is reached."""
+        reached = self.bounds.reached
+        level = (self.bounds.lower or reached) * (1.0 + excess)
+        return level if level >= reached else reached * (1.0 + 0.1 * self.rtol)
+
+
+def _lowest_controller(task: _Task, strict: bool) -> Candidate:
+    """Return the controller of the lowest level whose poles are slow enough and whose loop is verified.
+
+    If there is none up to twice the lower bound, and unless ``strict``, the limit on the poles is dropped.
+
+    Raises
+    ------
+    SynthesisError
+        If no controller passes, with the reasons.
+    OutOfTimeError
+        If the time is up.
+    """
+    log: list[str] = []
+    limits = {task.fastest: _MAX_EXCESS_STRICT} if strict else {task.fastest: _MAX_EXCESS, np.inf: _MAX_EXCESS_STRICT}
+    for fastest, most in limits.items():
+        passed: dict[float, Candidate] = {}
+        passes = partial(_passes, replace(task, fastest=fastest), passed, log)
+        if task.wanted is not None:
+            any(passes(max(task.wanted * factor, task.bounds.reached)) for factor in _WANTED_LEVELS)
+        elif not any(passes(task.level(factor * task.rtol)) for factor in _FIRST_LEVELS):
+            levels = [task.level(excess) for excess in np.geomspace(task.rtol, most, _LEVELS)]
+            bisect_left(levels, True, key=passes)
+        if passed:
+            return replace(passed[min(passed)], stages=tuple(log))
+    raise SynthesisError(f"No controller passed verification: {'; '.join(log[-2:])}.")
+
+
+def _passes(task: _Task, passed: dict[float, Candidate], log: list[str], gamma: float) -> bool:
+    """Return whether the controller of a level passes, without its poles that are too fast; append the outcome to the log."""
+    task.deadline.check(f"computing a controller for gamma = {gamma:.6g}")
+    name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
+    try:
+        K = suboptimal_controller(task.ready, gamma, task.plant.D22)
+        if (speed := largest_pole(K)) > task.fastest:
+            log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")
+            name, K = f"{name}, fast poles residualized", without_fast_poles(K, task.fastest)
+        passed[gamma] = verified_candidate(task.plant, K, task.wanted or (1.0 + _NORM_RTOL) * gamma)
+    except ValueError as error:  # Also `numpy.linalg.LinAlgError`.
+        log.append(f"{name} {level}: {error}")
+        return False
+    log.append(f"{name} {level}: passed")
+    return True
+
+
 def _on_circle(plant: GeneralizedPlant, image: Candidate) -> Candidate:
     """Map the controller of the continuous image of a discrete plant back, and verify its loop.
 
@@ -235,7 +308,7 @@ def _on_circle(plant: GeneralizedPlant, image: Candidate) -> Candidate:
     return replace(result, stages=(*image.stages, "mapped to the unit circle"))
 
 
-def _summary(task: Task, bounds: Bounds, candidate: Candidate) -> str:
+def _summary(task: _Task, bounds: Bounds, candidate: Candidate) -> str:
     """Return the norm, its distance from the lower bound and, if that or a pole is beyond its limit, the reason."""
     gamma, fastest = candidate.norm.upper_bound, largest_pole(candidate.K)
     text = f"verified norm {gamma:.6g}"

@@ -67,7 +67,6 @@ class LqrResult(LoopDesign):
 
     gain: Array
     riccati_solution: Array = field(repr=False)
-    _effort: Lti = field(repr=False)
     poles: Array = field(repr=False)
     uncontrollable_modes: tuple[HiddenMode, ...]
     certificate: DesignCertificate
@@ -79,7 +78,9 @@ class LqrResult(LoopDesign):
     @cached_property
     def control_loop(self) -> control.StateSpace:
         """Closed loop to the controls, converted on first access."""
-        return self._effort.statespace("effort")
+        loop, driven = self._closed_loop, self._controller.output_labels
+        effort = replace(loop, C=-self.gain, D=np.zeros((len(driven), loop.D.shape[1])), output_labels=driven)
+        return effort.statespace("effort")
 
     def __repr__(self) -> str:
         left = f", {count(len(self.uncontrollable_modes), 'mode')} uncontrollable" if self.uncontrollable_modes else ""
@@ -159,14 +160,12 @@ def lqr(
     B, D = np.hstack([np.zeros((k, n)), bank.B]), np.hstack([-F[:, :n], np.zeros((m, k))])
     inputs, states = plant.state_labels + integrated, bank.state_labels
     others = tuple(name for name in plant.input_labels if name not in driven) or driven
-    closed_loop = replace(whole.select(others), A=whole.A - acting.B @ F, C=C - acting.D @ F)
     return LqrResult(
         _controller=Lti(bank.A, B, -F[:, n:], D, inputs, driven, states, plant.dt, plant.scales).without_dots(),
-        _closed_loop=closed_loop,
+        _closed_loop=replace(whole.select(others), A=whole.A - acting.B @ F, C=C - acting.D @ F),
         _plant=Lti(plant.A, G.B, np.vstack([np.eye(n), G.C]), np.vstack([np.zeros((n, m)), G.D]), dt=plant.dt),
         gain=F,
         riccati_solution=solution.X,
-        _effort=replace(closed_loop, C=-F, D=np.zeros((m, len(others))), output_labels=driven),
         poles=solution.poles,
         uncontrollable_modes=unmoved(whole.A, acting.B, whole.state_labels, stable=True, dt=plant.dt),
         certificate=_certify(problem, solution),

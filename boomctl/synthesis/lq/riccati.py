@@ -181,7 +181,11 @@ def _continuous_starts(problem: RiccatiProblem) -> Iterator[Start]:
         if change is None:
             yield f"{name} coordinates: none", None, None
             continue
-        X = _by_schur_vectors(*problem.shifted, change)
+        (A, acting, Q), (T, inverse) = problem.shifted, change
+        B = inverse @ acting
+        X = schur_solution(inverse @ A @ T, B @ B.T, even(T.T @ Q @ T))
+        if X is not None:
+            X = even(inverse.T @ X @ inverse)
         yield f"{name} coordinates: SLICOT SB02MD{' failed' if X is None else ''}", X, partial(_continuous_step, change)
 
 
@@ -214,15 +218,17 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
     return np.diag(d), np.diag(1.0 / d)
 
 
-def _by_schur_vectors(A: Array, acting: Array, Q: Array, change: Change) -> Array | None:
-    """Return the solution by Schur vectors in other coordinates; None if that fails."""
-    T, inverse = change
-    A, B, Q = inverse @ A @ T, inverse @ acting, even(T.T @ Q @ T)
+def schur_solution(A: Array, G: Array, Q: Array) -> Array | None:
+    """Return the stabilizing solution of ``A^T X + X A - X G X + Q = 0`` by Schur vectors; None if that fails."""
+    if not (np.isfinite(G).all() and np.isfinite(Q).all()):
+        return None
+    if not len(A):
+        return Q
     try:
-        Z = slycot.sb02md(len(A), A, B @ B.T, Q, "C", scal="G" if Q.any() and B.any() else "N")[0]
+        X = slycot.sb02md(len(A), A, G, Q, "C", scal="G" if Q.any() and G.any() else "N")[0]
     except SlycotError:
         return None
-    return even(inverse.T @ Z @ inverse) if np.isfinite(Z).all() else None
+    return X if np.isfinite(X).all() else None
 
 
 def _refined(problem: RiccatiProblem, X: Array, newton: Newton) -> RiccatiSolution:

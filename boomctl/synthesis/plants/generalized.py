@@ -134,7 +134,12 @@ def _weighed(
     leave = _incidence(sums, [*(("plant", o) for o in system.output_labels), *ends])
     first = series(append(*w.values(), *n.values(), _through(driven)), static(entry))
     last = series(static(leave), append(*z.values(), *e.values(), _through(read)))
-    return _joined(system, first, append(system, _through((*n, *driven))), last)
+    joined = series(series(first, append(system, _through((*n, *driven)))), last)
+    for what, listed in (("input", joined.input_labels), ("output", joined.output_labels)):
+        twice = [name for name in listed if listed.count(name) > 1]
+        if twice:
+            raise ValueError(f"Labels of the generalized plant must be distinct, got the {what} {twice[0]!r} twice.")
+    return replace(joined, dt=system.dt, scales=system.scales)
 
 
 @one_blas_thread
@@ -184,12 +189,11 @@ def mixed_sensitivity(
     if not (ins and outs):
         raise ValueError("`plant` must have at least one input and one output, got none.")
     errors = tuple(f"error_{name}" for name in outs)
-    weighted = {"error": (errors, W1), "control": (ins, W2), "output": (outs, W3)}
-    weights = {
-        what: append(*_weighted(what, "z_", dict.fromkeys(signals, W), signals, system.dt).values())
-        for what, (signals, W) in weighted.items()
-        if W is not None
-    }
+    weights: dict[str, Lti] = {}
+    for what, signals, W in (("error", errors, W1), ("control", ins, W2), ("output", outs, W3)):
+        if W is not None:
+            weighted = _weighted(what, "z_", dict.fromkeys(signals, W), signals, system.dt)
+            weights |= {name if what == "error" else f"{what} {name}": weight for name, weight in weighted.items()}
     if not weights:
         raise ValueError("`W1`, `W2` or `W3` must be given, got None for all.")
 
@@ -199,26 +203,15 @@ def mixed_sensitivity(
 def _with_errors(system: Lti, *, weights: _Weights) -> Lti:
     """Return a plant with references as inputs, weighted control errors, controls or outputs, and measured control errors."""
     ins, outs, (p, m) = system.input_labels, system.output_labels, system.D.shape
-    errors, scales = tuple(f"error_{name}" for name in outs), system.scales
+    references, errors, scales = [f"r_{name}" for name in outs], [f"error_{name}" for name in outs], system.scales
     if scales:
-        scales = {**scales, **{f"error_{name}": scales.get(name, 1.0) for name in outs}}
-    I, J, O = np.eye(p), np.eye(m), np.zeros((p, m))
-    rows = {"error": [-I, I, O], "control": [O.T, O.T, J], "output": [I, 0.0 * I, O]}
-    first = series(_through([*(f"r_{name}" for name in outs), *ins]), static(blocks([[O.T, J], [I, O], [O.T, J]])))
-    leave = static(blocks([rows[what] for what in (*weights, "error")]))
-    last = series(leave, append(*weights.values(), _through(errors)))
-    joined = _joined(system, first, append(system, _through(outs), _through(ins)), last)
-    return replace(joined, scales=scales)
-
-
-def _joined(plant: Lti, first: Lti, middle: Lti, last: Lti) -> Lti:
-    """Return a series of systems in the time and the scales of the plant; labels must be distinct."""
-    joined = replace(series(series(first, middle), last), dt=plant.dt, scales=plant.scales)
-    for what, listed in (("input", joined.input_labels), ("output", joined.output_labels)):
-        twice = [name for name in listed if listed.count(name) > 1]
-        if twice:
-            raise ValueError(f"Labels of the generalized plant must be distinct, got the {what} {twice[0]!r} twice.")
-    return joined
+        scales = {**scales, **{error: scales.get(name, 1.0) for error, name in zip(errors, outs, strict=True)}}
+    O, B, C = np.zeros((p, p)), system.B, system.C
+    D = blocks([[np.eye(p), -system.D], [np.zeros((m, p)), np.eye(m)], [O, system.D]])
+    labels = (*errors, *(f"control {name}" for name in ins), *(f"output {name}" for name in outs))
+    plant = replace(system, B=np.hstack([0.0 * C.T, B]), C=np.vstack([-C, 0.0 * B.T, C]), D=D)
+    plant = replace(plant, input_labels=(*references, *ins), output_labels=labels, scales=scales)
+    return _weighed(plant, w={r: _through([r]) for r in references}, n={}, z=weights, e={}, read=errors, driven=ins)
 
 
 def _weighted(what: str, prefix: str, table: Mapping[str, Weight], choices: Sequence[str], dt: float) -> dict[str, Lti]:
