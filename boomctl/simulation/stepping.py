@@ -15,6 +15,7 @@ from boomctl.simulation.plant import ModalPlant, Step
 from boomctl.simulation.signals import TimeGrid
 
 _MOST_STEPS = 1e9  # Longest delay in steps: more than any run has.
+_STORED = 4096  # Steps whose states are stored at once; larger blocks need more memory and save no time.
 
 
 @dataclass(frozen=True)
@@ -164,10 +165,9 @@ class LoopProblem(SampledRun):
     maps: Step
     contacts: Contacts | None
 
-    @property
-    def forcing(self) -> Array:
-        """Effect of the disturbances on the states at each step, (steps, n)."""
-        used, W = self.disturbed, self.W[self.disturbed]
+    def forcing(self, begin: int, end: int) -> Array:
+        """Return the effect of the disturbances on the states in some steps, (steps, n)."""
+        used, W = self.disturbed, self.W[self.disturbed, begin : end + 1]
         return W[:, :-1].T @ self.maps.first[:, used].T + W[:, 1:].T @ self.maps.last[:, used].T
 
     @cached_property
@@ -273,39 +273,48 @@ def run_steps(
     p: LoopProblem,
     log: ControlLog,
     stepper: Array,
-    forcing: Array,
+    forcing: Callable[[int, int], Array],
     touched: Callable[[int, Array], Array] | None = None,
+    every: int = 1,
 ) -> Array:
-    """Step a loop and return ``C`` times the modal states at each step, (outputs, steps + 1).
+    """Step a loop and return ``C`` times the modal states at every so many steps, (outputs, steps / every + 1).
 
     Parameters
     ----------
     p : LoopProblem
     log : ControlLog
         Log, which is filled.
-    stepper, forcing : ndarray
-        Effect of states and controls, and of disturbances (steps, row), on the row a step later: states first.
+    stepper : ndarray
+        Effect of states and controls on the row a step later: states first.
+    forcing : callable
+        Returns the effect of disturbances on these rows (steps, row), of the first step and the one after the last.
     touched : callable, optional
         Returns the row with contact forces, of a step and the row without them.
+    every : int
+        Steps between two columns of the result; a divisor of their number.
     """
-    n, nu, per_sample, lag = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag
+    n, nu, per_sample, lag, steps = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag, p.grid.steps
     sample, applied = sampler(p, log), log.applied
-    X = np.zeros((p.grid.steps + 1, n))
-    X[0] = p.start
+    block = every * max(1, _STORED // every)
+    X, result = np.zeros((min(block, steps), n)), np.empty((len(p.plant.C), steps // every + 1))
+    result[:, 0] = p.plant.C @ p.start
     full = np.zeros(n + 2 * nu)
     states, before, after, heard = full[:n], full[n : n + nu], full[n + nu :], full[: n + nu]
     states[:] = p.start
-    for k in range(p.grid.steps):
-        if k % per_sample == 0:
-            sample(k // per_sample, heard)
-        if k >= lag:
-            after[:] = applied[(k - lag) // per_sample]
-        row = stepper @ full
-        row += forcing[k]
-        if touched is not None:
-            row = touched(k, row)
-        states[:] = X[k + 1] = row[:n]
-        before[:] = after
-    if p.grid.steps % per_sample == 0:
-        sample(p.grid.steps // per_sample, heard)
-    return p.plant.C @ X.T
+    for begin in range(0, steps, block):
+        end = min(begin + block, steps)
+        for k, pushed in enumerate(forcing(begin, end), begin):
+            if k % per_sample == 0:
+                sample(k // per_sample, heard)
+            if k >= lag:
+                after[:] = applied[(k - lag) // per_sample]
+            row = stepper @ full
+            row += pushed
+            if touched is not None:
+                row = touched(k, row)
+            states[:] = X[k - begin] = row[:n]
+            before[:] = after
+        result[:, begin // every + 1 : end // every + 1] = p.plant.C @ X[every - 1 : end - begin : every].T
+    if steps % per_sample == 0:
+        sample(steps // per_sample, heard)
+    return result

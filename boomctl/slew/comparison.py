@@ -1,9 +1,11 @@
 """Comparison of optimal and classical slews under the same torque limit."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -11,12 +13,15 @@ from boomctl.arrays import Array
 from boomctl.checks import instance, known, mapping, nonnegative, positive, real, sequence
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import compact, table_html
-from boomctl.slew.plant import SlewMachine, SlewPlant, plant_of
+from boomctl.slew.plant import SlewPlant, plant_of
 from boomctl.slew.problem import warn_of_turns
 from boomctl.slew.result import SlewResult
 from boomctl.slew.shapers import input_shaper, rest_to_rest_torque, spin_up_torque
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
+
+if TYPE_CHECKING:
+    from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 CLASSICAL = (
     ("bang-bang", "none"),
@@ -173,7 +178,7 @@ class SlewComparison:
 
 @one_blas_thread
 def compare_slews(
-    system: SlewMachine,
+    system: AssumedModesBeam,
     angle: float | None,
     torque_limit: float,
     optimal: Mapping[str, SlewResult] | None = None,
@@ -272,7 +277,7 @@ def compare_slews(
     return SlewComparison(angle, limit, tuple(lines), final_speed, np.array(masses))
 
 
-def _vibration(machine: SlewMachine, history: TorqueProfile, time: Array) -> float:
+def _vibration(machine: AssumedModesBeam, history: TorqueProfile, time: Array) -> float:
     """Return the largest tip displacement under a torque at given times [m]."""
     return float(np.abs(machine.simulate(history, time).tip_displacement).max())
 

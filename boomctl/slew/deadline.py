@@ -1,6 +1,6 @@
 """Time limit, progress reports and interrupts of a search for a slew.
 
-IPOPT stops at its wall time limit. Its iteration callback reports progress and stops it after an interrupt.
+How they stop IPOPT is in `nlp.program`.
 """
 
 import signal
@@ -8,19 +8,9 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from math import inf
 from typing import Any
 
-import casadi as ca
-import numpy as np
-
-from boomctl.arrays import Array
 from boomctl.progress import Deadline, OutOfTimeError
-
-_FEASIBLE = (
-    1e-6  # largest violation of a scaled constraint at which an iterate is feasible: the default rtol of a replay
-)
-_LEAST = 1e-3  # smallest wall time limit [s]: IPOPT requires a positive one
 
 
 @dataclass(frozen=True)
@@ -94,86 +84,3 @@ def noting_interrupts(deadline: SlewDeadline) -> Iterator[None]:
         signal.signal(signal.SIGINT, before)
         if deadline.interrupts:
             before(signal.SIGINT, None)
-
-
-class _Watch(ca.Callback):
-    """Iteration callback of IPOPT; an exception within it is stored and stops the solver."""
-
-    def __init__(self, on_iteration: Callable[[float, Array], None], conditions: int) -> None:
-        ca.Callback.__init__(self)
-        self.on_iteration, self.sizes = on_iteration, {"f": 1, "g": conditions}
-        self.failed: BaseException | None = None
-        self.construct("watch", {})
-
-    def get_n_in(self) -> int:
-        return ca.nlpsol_n_out()
-
-    def get_name_in(self, i: int) -> str:
-        return ca.nlpsol_out(i)
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)
-
-    def eval(self, arg: Any) -> list[int]:
-        values = dict(zip(ca.nlpsol_out(), arg, strict=True))
-        try:
-            self.on_iteration(float(values["f"]), np.array(values["g"]).ravel())
-        except BaseException as error:  # CasADi would suppress it
-            self.failed = error
-        return [int(self.failed is not None)]
-
-
-def solved(
-    nlp: Any, options: dict[str, Any], arguments: dict[str, Array], deadline: SlewDeadline, stage: str, unit: float
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Solve a nonlinear program by IPOPT within a time limit.
-
-    Parameters
-    ----------
-    nlp : casadi.Function
-        ``(x, p) -> f, g``.
-    options : dict
-        Options of CasADi's interface to IPOPT.
-    arguments : dict of str to ndarray
-        Arguments of the solver by name.
-    deadline : SlewDeadline
-    stage : str
-        Description of the stage.
-    unit : float
-        Objective at a scaled cost of one.
-
-    Returns
-    -------
-    result, statistics : dict
-        Result and statistics of CasADi's solver.
-
-    Raises
-    ------
-    OutOfTimeError
-        If the time limit is exceeded.
-    KeyboardInterrupt
-        On an interrupt, after the iteration in which it came.
-    """
-    deadline.check(stage)
-    objectives: list[float | None] = [None]
-
-    def on_iteration(cost: float, g: Array) -> None:
-        """Report an iteration, with the objective of the best feasible iterate so far."""
-        violation = float(np.max(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), initial=0.0))
-        candidates = [
-            value for value in (objectives[-1], unit * cost if violation <= _FEASIBLE else None) if value is not None
-        ]
-        objectives.append(min(candidates, default=None))
-        deadline.check(f"{stage}, iteration {len(objectives) - 1}", objectives[-1], violation)
-
-    watch = _Watch(on_iteration, arguments["lbg"].size)
-    options = options | {"iteration_callback": watch}
-    if deadline.limit < inf:
-        options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _LEAST)
-    solver = ca.nlpsol("slew", "ipopt", nlp, options)
-    result, statistics = solver(**arguments), solver.stats()
-    if watch.failed is not None:
-        raise watch.failed
-    if statistics["return_status"] == "Maximum_WallTime_Exceeded":
-        raise OutOfTimeError(stage)
-    return result, statistics

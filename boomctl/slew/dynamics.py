@@ -103,11 +103,11 @@ def rate_jacobian_of(kind: Kind) -> ca.Function:
 
 @lru_cache(maxsize=KINDS)
 def rate_hessian_of(kind: Kind) -> ca.Function:
-    """``(z, u, constants, l) ->`` the Jacobian of z', and the Hessian of ``l^T z'``, by (z, u), of all plants of a kind."""
+    """``(z, u, constants, l) -> z'``, its Jacobian, and the Hessian of ``l^T z'``, by (z, u), of all plants of a kind."""
     (z, u, constants), weights = rates_of(kind).sx_in(), ca.SX.sym("l", kind.n)
     rates, jacobian = rate_jacobian_of(kind)(z, u, constants)
     hessian = ca.hessian(ca.dot(weights, rates), ca.vertcat(z, u))[0]
-    return ca.Function("rate_hessian", [z, u, constants, weights], [jacobian, hessian])
+    return ca.Function("rate_hessian", [z, u, constants, weights], [rates, jacobian, hessian])
 
 
 def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Array) -> tuple[Array, Array]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.slew.dynamics import path_peak, row_rates
-from boomctl.slew.nlp.interval import Interval, Units
 from boomctl.slew.plant import SlewPlant
 from boomctl.slew.torque import TorqueProfile, lines_between
 
@@ -22,6 +21,33 @@ Parts: TypeAlias = tuple[tuple[SlewPlant, slice], ...]
 """Plants driven by the same torque, with their slices of the states."""
 Paths: TypeAlias = Sequence[tuple[SlewPlant, Array, Array]]
 """Plants with the time points [s] of a replay and the coordinates at them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Scales of unknowns and conditions: typical values of all states, torque [N m], time [s] and tip [m]."""
+
+    states: Array
+    torque: float
+    time: float
+    tip: float
+
+
+@dataclass(frozen=True, eq=False)
+class Interval:
+    """Variables of one interval: scaled states, torque and rates, next states and torque, width [s], bound of the tip.
+
+    ``rates(plant, z, u)`` are the rates of the states of a plant at its states z and a torque u, in SI units.
+    """
+
+    z: ca.SX
+    u: ca.SX
+    k: ca.SX
+    z1: ca.SX
+    u1: ca.SX
+    h: ca.SX
+    bound: ca.SX | None
+    rates: Callable[[SlewPlant, ca.SX, ca.SX], ca.SX]
 
 
 @dataclass(frozen=True)

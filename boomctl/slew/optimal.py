@@ -20,7 +20,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import partial
 from math import inf, radians
 from types import EllipsisType
 from typing import TYPE_CHECKING, Any
@@ -46,7 +45,7 @@ from boomctl.slew.nlp.refinement import refined, solved, within_limits
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem, slew_problem, warn_of_turns
-from boomctl.slew.replay import Candidate, binding, free_errors, other_models, played, prescribed_error, violation
+from boomctl.slew.replay import Candidate, binding, free_errors, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewResult
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
@@ -54,7 +53,7 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-    from boomctl.slew.plant import SlewMachine
+    from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 TIME_LIMIT = 120.0  # default time limit of a search [s]: ten times that of the slowest design
 _FAILED = 2  # meshes without a torque of least effort after which the method stops
@@ -147,7 +146,7 @@ def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
 
 @one_blas_thread
 def optimal_slew(
-    system: SlewMachine | control.StateSpace,
+    system: AssumedModesBeam | control.StateSpace,
     angle: float | EllipsisType | None = ...,
     torque_limit: float | None = None,
     objective: str = "time",
@@ -446,7 +445,6 @@ def _certified(arguments: dict[str, Any], problem: SlewProblem, candidate: Candi
         terminal_error=whole,
         certificate=certificate,
         torque_profile=history,
-        _others=partial(other_models, problem, history),
         plan=Planned(arguments, problem, candidate.program, candidate.solution),
         stages=candidate.stages,
         small_deformation_until=first.small_deformation_until,

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import TYPE_CHECKING, Any, Protocol, TypeGuard
+from typing import TYPE_CHECKING, TypeGuard
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, balance, blocks
 from boomctl.lti import system as lti
@@ -16,73 +15,13 @@ from boomctl.lti.hidden_modes import unmoved
 from boomctl.lti.rounding import ALIKE, SUMMED
 
 if TYPE_CHECKING:
-    import casadi
+    from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 _SPLIT = 1e-6  # fraction of |A| below which an eigenvalue is zero: rounding splits a double zero by about 1e-8
 _BEAMS = 32  # cached plants of beams: slews with other angles and limits reuse them
 
 
-class SlewMachine(Protocol):
-    """Protocol of a flexible beam on a torque-driven hub, implemented in `boomctl.rotating_beam`.
-
-    States are coordinates, hub angle first, then their rates.
-    """
-
-    @property
-    def model(self) -> str:
-        """Name of the model."""
-        ...
-
-    @property
-    def state_labels(self) -> tuple[str, ...]:
-        """Names of the states."""
-        ...
-
-    @property
-    def _root_moment_row(self) -> Array:
-        """Output row over the states for the bending moment at the clamp, N m."""
-        ...
-
-    def _casadi_equations(self) -> tuple[casadi.Function, Array]:
-        """``(x, torque, constants) -> (xdot, y)``, y = hub angle, hub speed, tip displacement; and the constants."""
-        ...
-
-    def _linear(self, speed: float) -> lti.Lti:
-        """Linear model about steady rotation [rad/s], without python-control; input torque, outputs as above."""
-        ...
-
-    def steady_state(self, hub_speed: float = 0.0) -> Array:
-        """State of steady rotation, hub angle 0."""
-        ...
-
-    def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
-        """Energy of the deviation from steady rotation, J."""
-        ...
-
-    def simulate(
-        self, maneuver: Any, timepts: Any = None, initial_state: Any = None, rtol: Any = None, atol: Any = None
-    ) -> Any:
-        """Motion under a `TorqueProfile`: a result with ``states``, ``tip_displacement``, ``hub_angle``, ``hub_speed``."""
-        ...
-
-    def with_tip_mass(self, tip_mass: float) -> SlewMachine:
-        """Return the same model with another tip mass, kg."""
-        ...
-
-    def with_stiffness_factor(self, factor: float) -> SlewMachine:
-        """Return the same model with its bending stiffness multiplied by a factor."""
-        ...
-
-    def _without_axial_modes(self) -> SlewMachine:
-        """Return the same model without axial modes."""
-        ...
-
-    def with_model(self, model: str, modes: int | None = None) -> Any:
-        """Return the same machine with another model."""
-        ...
-
-
-def is_machine(h: object) -> TypeGuard[SlewMachine]:
+def is_machine(h: object) -> TypeGuard[AssumedModesBeam]:
     """Return True for a hub-beam with equations of motion for CasADi; evaluates no properties."""
     return hasattr(type(h), "_casadi_equations")
 
@@ -113,7 +52,7 @@ class SlewPlant:
     frequencies : ndarray or None
         For a second-order plant in modal coordinates (m positions, rigid one first, then their rates): undamped
         frequencies, rad/s. None for other coordinates.
-    machine : SlewMachine or None
+    machine : AssumedModesBeam or None
         The nonlinear beam; None for a linear system.
     labels : mapping from kind to (str, str)
         Names and units, as `LABELS`; for a linear system its signal names, with empty units.
@@ -125,7 +64,7 @@ class SlewPlant:
     from_state: Array
     rows: dict[str, Array]
     frequencies: Array | None
-    machine: SlewMachine | None
+    machine: AssumedModesBeam | None
     labels: Mapping[str, tuple[str, str]] = field(default_factory=lambda: LABELS)
 
     def with_unit(self, kind: str, number: str) -> str:
@@ -133,7 +72,7 @@ class SlewPlant:
         return f"{number} {self.labels[kind][1]}".rstrip()
 
     @property
-    def planned_machine(self) -> SlewMachine:
+    def planned_machine(self) -> AssumedModesBeam:
         """Beam of the planning, without axial modes."""
         assert self.machine is not None
         return self.machine._without_axial_modes()
@@ -227,7 +166,7 @@ def plant_of(h: object) -> SlewPlant:
 
     Parameters
     ----------
-    h : SlewMachine or control.StateSpace
+    h : AssumedModesBeam or control.StateSpace
         A linear system's first input is the torque, its first output the angle; an output "tip_displacement" and one
         "root_moment" are identified by name.
 
@@ -246,7 +185,7 @@ def plant_of(h: object) -> SlewPlant:
 
 
 @lru_cache(maxsize=_BEAMS)
-def _beam(h: SlewMachine) -> SlewPlant:
+def _beam(h: AssumedModesBeam) -> SlewPlant:
     """Return the beam in modal coordinates of its linear part about rest, without axial modes."""
     planned = h._without_axial_modes()
     at_rest = planned._linear(0.0)

@@ -11,9 +11,8 @@ from boomctl.lti.hold import linear_hold, recursion
 from boomctl.lti.rounding import SUMMED
 from boomctl.slew.dynamics import path_peak
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.plant import SlewPlant, is_machine
+from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import AT_LIMIT, SlewProblem
-from boomctl.slew.result import Replay
 from boomctl.slew.torque import TorqueProfile, lines_between
 
 _SAMPLES = 1000  # samples of a replay at least: resolution of the plots
@@ -21,10 +20,7 @@ _SAMPLES = 1000  # samples of a replay at least: resolution of the plots
 _IN_PERIOD = 40
 _MOST_SAMPLES = 200_000  # samples of a replay at most: limits its run time to some seconds
 _DIGITS = 12  # decimals of steps over the duration beyond which they differ by rounding error only
-_AFTER = 96  # samples in 1.5 slowest periods after the end
-_EXACT_MODES = 6  # modes of the geometrically exact beam
 _ACCURATE = {"rtol": 1e-10, "atol": 1e-13}  # solver tolerances of a replay, to evaluate a plan to 1e-9
-_COARSE = {"rtol": 1e-5, "atol": 1e-7}  # solver tolerances for other models, whose differences are larger
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,31 +182,3 @@ def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion,
         if met.size:
             result[f"{kind}_limit"] = float(t[met[0]])
     return result
-
-
-def other_models(problem: SlewProblem, history: TorqueProfile) -> tuple[Replay, ...]:
-    """Simulate a torque with the other payloads, on FOAM and on the geometrically exact beam."""
-    machine = problem.plants[0].machine
-    if machine is None:
-        return ()
-    others: list[tuple[Any, float | None]] = [(machine.with_tip_mass(mass), mass) for mass in problem.tip_masses]
-    if machine.model != "foam":
-        others.append((machine.with_model("foam"), None))
-    others.append((machine.with_model("geometrically-exact", _EXACT_MODES), None))
-    after, replays = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1), []
-    for other, mass in others:
-        r = other.simulate(history, after, **_COARSE)
-        energy = other.residual_energy(r.states[0], problem.final_speed) if is_machine(other) else None
-        if energy is None and problem.final_speed == 0.0:
-            energy = float(r.energy[0])
-        replays.append(
-            Replay(
-                model=other.model,
-                tip_mass=mass,
-                angle_error=0.0 if problem.angle is None else float(r.hub_angle[0]) - problem.angle,
-                speed_error=float(r.hub_speed[0]) - problem.final_speed,
-                residual_vibration=float(np.abs(r.tip_displacement).max()),
-                residual_energy=energy,
-            )
-        )
-    return tuple(replays)

@@ -1,25 +1,35 @@
-"""Results of planned slews, with their certificates."""
+"""Results of planned slews, with their certificates, and the switching function of a minimum-time slew."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from boomctl.arrays import Array
+from boomctl.checks import instance
 from boomctl.lti.time_series import TimeSeries
-from boomctl.printing import Summarized, compact
+from boomctl.printing import Summarized, compact, count
+from boomctl.slew.end_map import end_map
 from boomctl.slew.objectives import OBJECTIVES
-from boomctl.slew.plant import LABELS
+from boomctl.slew.plant import LABELS, is_machine
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from boomctl.simulation.signals import Levels
     from boomctl.slew.tracked import TrackedSlew
+
+
+_CURVE = 1500  # steps of a switching function at least: resolution of its plot
+_AFTER = 96  # samples in 1.5 slowest periods after the end
+_EXACT_MODES = 6  # modes of the geometrically exact beam
+_COARSE = {"rtol": 1e-5, "atol": 1e-7}  # solver tolerances for other models, whose differences are larger
 
 
 @dataclass(frozen=True)
@@ -199,7 +209,6 @@ class SlewResult(Summarized, TimeSeries):
     terminal_error: float
     certificate: SlewCertificate
     torque_profile: TorqueProfile = field(repr=False)
-    _others: Callable[[], tuple[Replay, ...]] = field(repr=False, default=tuple)
     plan: Any = field(repr=False, default=None)
     stages: tuple[str, ...] = field(repr=False, default=())
     small_deformation_until: float = inf
@@ -250,7 +259,31 @@ class SlewResult(Summarized, TimeSeries):
     @cached_property
     @one_blas_thread
     def _replays(self) -> tuple[Replay, ...]:
-        return self._others()
+        problem, history = self.plan.problem, self.torque_profile
+        machine = problem.plants[0].machine
+        if machine is None:
+            return ()
+        others: list[tuple[Any, float | None]] = [(machine.with_tip_mass(mass), mass) for mass in problem.tip_masses]
+        if machine.model != "foam":
+            others.append((machine.with_model("foam"), None))
+        others.append((machine.with_model("geometrically-exact", _EXACT_MODES), None))
+        after, replays = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1), []
+        for other, mass in others:
+            r = other.simulate(history, after, **_COARSE)
+            energy = other.residual_energy(r.states[0], problem.final_speed) if is_machine(other) else None
+            if energy is None and problem.final_speed == 0.0:
+                energy = float(r.energy[0])
+            replays.append(
+                Replay(
+                    model=other.model,
+                    tip_mass=mass,
+                    angle_error=0.0 if problem.angle is None else float(r.hub_angle[0]) - problem.angle,
+                    speed_error=float(r.hub_speed[0]) - problem.final_speed,
+                    residual_vibration=float(np.abs(r.tip_displacement).max()),
+                    residual_energy=energy,
+                )
+            )
+        return tuple(replays)
 
     def replay(self) -> tuple[Replay, ...]:
         """Simulate the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
@@ -397,3 +430,110 @@ class SlewResult(Summarized, TimeSeries):
             The axes, in the order of ``ax``.
         """
         return import_module("boomctl.plotting.slew").plot_slew(self, ax, **style)
+
+
+@dataclass(frozen=True, eq=False)
+class SwitchingFunction(TimeSeries):
+    """Switching function of a slew: time saved per unit of torque, over its maximum. Its sign is the torque's.
+
+    Attributes
+    ----------
+    time : ndarray, k
+        Time points [s].
+    values : ndarray, k
+        The switching function, between -1 and 1.
+    torque : ndarray, k
+        The torque [N m].
+    switching_times : ndarray
+        Times at which the torque changes its sign [s].
+    torque_limit : float
+        Largest absolute torque [N m].
+    """
+
+    time: Array
+    values: Array
+    torque: Array
+    switching_times: Array
+    torque_limit: float
+
+    def __repr__(self) -> str:
+        agree = f"{self.sign_agreement:.4%} of the time the torque has its sign"
+        return (
+            f"SwitchingFunction: {count(len(self.switching_times), 'switch', 'switches')} in {self.time[-1]:.6g} s; "
+            f"{agree}"
+        )
+
+    def _outputs(self) -> dict[str, Array]:
+        return {"values": self.values}
+
+    def _inputs(self) -> dict[str, Array]:
+        return {"torque": self.torque}
+
+    @property
+    def sign_agreement(self) -> float:
+        """Fraction of the duration on which the torque has the sign of the switching function."""
+        return float(np.mean(self.values * self.torque > 0.0))
+
+    def plot(self, ax: Any = None, **style: Any) -> Array:
+        """Draw the switching function above the torque.
+
+        Parameters
+        ----------
+        ax : sequence of matplotlib Axes, or a figure, optional
+            Axes to draw on: switching function and torque. If None, a new figure is created.
+        **style
+            Line properties, passed to `matplotlib.axes.Axes.plot`; ``label`` is prefixed to the line labels.
+
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes
+            The axes, in the order of ``ax``.
+        """
+        return import_module("boomctl.plotting.slew").plot_switching(self, ax, **style)
+
+
+@one_blas_thread
+def switching_function(result: SlewResult) -> SwitchingFunction:
+    """Return the switching function of a minimum-time slew.
+
+    By Pontryagin's principle, the torque has the sign of this function.  It follows from the costate, propagated backward
+    along the motion.
+
+    Parameters
+    ----------
+    result : SlewResult
+        Slew with a bang-bang torque.
+
+    Returns
+    -------
+    SwitchingFunction
+        Switching function and torque over time; ``.plot()`` draws both.
+
+    Raises
+    ------
+    ValueError
+        If the torque is not bang-bang.
+
+    Examples
+    --------
+    >>> import boomctl as bc
+    >>> fast = bc.optimal_slew(bc.hub_beam(modes=1), angle=1.0, torque_limit=200.0)
+    >>> curve = bc.slew.switching_function(fast)
+    >>> curve.switching_times.round(2), round(curve.sign_agreement, 2)  # s; fraction of the time with the right sign
+    (array([0.82, 1.26, 1.69]), 1.0)
+    """
+    instance("result", result, SlewResult)
+    history, problem = result.torque_profile, result.plan.problem
+    if result.certificate.n_switches is None:
+        raise ValueError(
+            "result: expected a slew with a bang-bang torque; plan one of minimum time without other limits"
+        )
+    durations, ends = np.diff(history.edges), end_map(problem, history)
+    frequency = max(ends.step_frequency, _CURVE / history.duration)
+    counts = np.maximum(2, np.ceil(durations * frequency)).astype(int)
+    steps = ends.steps(float(np.sign(history.start_values[0])), durations, counts)
+    values = ends.sensitivity(steps).switching_function
+    middle = np.cumsum(steps.h) - 0.5 * steps.h
+    return SwitchingFunction(
+        middle, values / np.abs(values).max(), steps.u, history.switching_times, problem.limits.torque
+    )

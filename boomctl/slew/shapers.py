@@ -5,20 +5,25 @@ A shaper is a train of impulses with which a command is convolved: ZV and ZVD (S
 rigid body still reaches the same angle; the duration increases by the length of the train.
 """
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
 from boomctl.printing import compact
-from boomctl.slew.plant import SlewMachine, is_machine, plant_of
+from boomctl.slew.plant import is_machine, plant_of
 from boomctl.slew.torque import TIME_RTOL, TorqueProfile, held
 from boomctl.threads import one_blas_thread
+
+if TYPE_CHECKING:
+    from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 
 _RISE = 0.1  # rise time of a smoothed bang-bang over the duration, as in Junkins, Rahman and Bang (1991)
 _INTERVALS = 200  # intervals on which a smooth torque is held: its steps are about a hundredth of the limit
@@ -92,7 +97,7 @@ _TRAINS: dict[str, Callable[[float, float], list[float]]] = {
 
 
 @one_blas_thread
-def input_shaper(name: str, omega: float | SlewMachine, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
+def input_shaper(name: str, omega: float | AssumedModesBeam, damping_ratio: float = 0.0, level: float = 0.05) -> Shaper:
     """Return a shaper: a train of impulses against one vibration.
 
     Parameters

@@ -14,8 +14,7 @@ from boomctl.printing import compact, count
 from boomctl.report import Picture, Section, Table, number
 from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.comparison import SlewComparison, compare_slews
-from boomctl.slew.least_time.switching_function import SwitchingFunction, switching_function
-from boomctl.slew.result import Replay, SlewResult
+from boomctl.slew.result import Replay, SlewResult, SwitchingFunction, switching_function
 from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_table, table_of
 from boomctl.threads import one_blas_thread
 

@@ -9,10 +9,10 @@ import boomctl as bc
 from boomctl.slew import replan
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.linear import guess_from, least_effort
-from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.program import prepare, solve
 from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.nlp.transcription import transcribe
+from boomctl.slew.objectives import Units
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import played, prescribed_error
 from tests.profiles import examples

@@ -258,17 +258,16 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
         old = row
         return row
 
-    return run_steps(p, log, *_row_maps(p, rows), touched)[:, ::per_point], contact_log
+    def forcing(begin: int, end: int) -> Array:
+        """Return the effect of disturbances on the rows in some steps."""
+        pushed = p.forcing(begin, end)
+        return np.hstack([pushed, pushed @ rows.reads.T + rows.offsets[begin + 1 : end + 1]])
 
-
-def _row_maps(p: LoopProblem, rows: ContactRows) -> tuple[Array, Array]:
-    """Return the map of states and controls to the row a step later, and the effect of disturbances on it (steps, row)."""
-    stepper, forcing, n = p.stepper, p.forcing, len(p.plant.A)
-    read = rows.reads @ stepper
+    read = rows.reads @ p.stepper
     if rows.jumps.shape[1]:
         read[:, n + rows.jumps.shape[1] :] += rows.jumps
-    readings = forcing @ rows.reads.T + rows.offsets[1:]
-    return np.ascontiguousarray(np.vstack([stepper, read])), np.hstack([forcing, readings])
+    stepper = np.ascontiguousarray(np.vstack([p.stepper, read]))
+    return run_steps(p, log, stepper, forcing, touched, per_point), contact_log
 
 
 def _at_start(p: LoopProblem, rows: ContactRows) -> Slip:

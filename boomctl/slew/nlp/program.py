@@ -1,17 +1,21 @@
 """Solution of a transcribed slew by IPOPT: initial guess, bounds, and the result in the units of the plant."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import inf
+from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.exceptions import LimitsTooTightError, SlewError
 from boomctl.printing import compact, count
-from boomctl.slew.deadline import SlewDeadline, solved
+from boomctl.progress import OutOfTimeError
+from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.linear import Guess
-from boomctl.slew.nlp.interval import Units
 from boomctl.slew.nlp.transcription import Transcription, transcribe
-from boomctl.slew.objectives import OBJECTIVES
+from boomctl.slew.objectives import OBJECTIVES, Units
 from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held, ramped
 
@@ -42,6 +46,8 @@ _OPTIONS = {
 _TOLERANCE, _FRACTION = 1e-9, 1e-3  # tolerance of IPOPT at most, and as a fraction of the end state's tolerance
 _LEAST_TIME = 1e-3  # lower bound of the scaled duration, to keep it positive
 _SHOWN = 1e-6  # violation of a scaled condition above which a message reports it; smaller ones are solver error
+_FEASIBLE = 1e-6  # largest violation of a scaled constraint at which an iterate is feasible: the default rtol
+_SHORTEST = 1e-3  # smallest wall time limit [s]: IPOPT requires a positive one
 _NEAR = 1e-3  # slack of a scaled condition below which a message reports a limit as active
 
 
@@ -55,6 +61,33 @@ class Solution:
     raw: dict[str, Array] = field(repr=False)
 
     __repr__ = compact
+
+
+class _Watch(ca.Callback):
+    """Iteration callback of IPOPT; an exception within it is stored and stops the solver."""
+
+    def __init__(self, on_iteration: Callable[[float, Array], None], conditions: int) -> None:
+        ca.Callback.__init__(self)
+        self.on_iteration, self.sizes = on_iteration, {"f": 1, "g": conditions}
+        self.failed: BaseException | None = None
+        self.construct("watch", {})
+
+    def get_n_in(self) -> int:
+        return ca.nlpsol_n_out()
+
+    def get_name_in(self, i: int) -> str:
+        return ca.nlpsol_out(i)
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self.sizes.get(ca.nlpsol_out(i), 0), 1)
+
+    def eval(self, arg: Any) -> list[int]:
+        values = dict(zip(ca.nlpsol_out(), arg, strict=True))
+        try:
+            self.on_iteration(float(values["f"]), np.array(values["g"]).ravel())
+        except BaseException as error:  # CasADi would suppress it
+            self.failed = error
+        return [int(self.failed is not None)]
 
 
 def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limits: Limits) -> Solution:
@@ -82,7 +115,7 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
     unit = OBJECTIVES[problem.objective].unit(t.units)
     stage = f"collocation of {count(t.points, 'point')} on {t.intervals} intervals"
     options = _OPTIONS | t.derivatives | {"ipopt.tol": min(_TOLERANCE, _FRACTION * problem.rtol)}
-    raw, statistics = solved(t.nlp, options, arguments, problem.deadline, stage, unit)
+    raw, statistics = _solved(t.nlp, options, arguments, problem.deadline, stage, unit)
     x = np.array(raw["x"]).ravel()
     duration = problem.duration if t.layout.duration is None else float(x[t.layout.duration]) * t.units.time
     assert duration is not None
@@ -95,6 +128,44 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
     history = ramped(edges, torques) if problem.ramps else held(edges, torques)
     again = {"x0": x, **{f"{name}0": np.array(raw[name]).ravel() for name in ("lam_x", "lam_g")}}
     return Solution(history, unit * float(raw["f"]), int(statistics["iter_count"]), again)
+
+
+def _solved(
+    nlp: ca.Function,
+    options: dict[str, Any],
+    arguments: dict[str, Array],
+    deadline: SlewDeadline,
+    stage: str,
+    unit: float,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Solve a nonlinear program by IPOPT within a time limit; return result and statistics.
+
+    IPOPT stops at its wall time limit; its iteration callback reports progress and stops it after an interrupt. ``unit`` is
+    the objective at a scaled cost of one.
+    """
+    deadline.check(stage)
+    objectives: list[float | None] = [None]
+
+    def on_iteration(cost: float, g: Array) -> None:
+        """Report an iteration, with the objective of the best feasible iterate so far."""
+        violation = float(np.max(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), initial=0.0))
+        candidates = [
+            value for value in (objectives[-1], unit * cost if violation <= _FEASIBLE else None) if value is not None
+        ]
+        objectives.append(min(candidates, default=None))
+        deadline.check(f"{stage}, iteration {len(objectives) - 1}", objectives[-1], violation)
+
+    watch = _Watch(on_iteration, arguments["lbg"].size)
+    options = options | {"iteration_callback": watch}
+    if deadline.limit < inf:
+        options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _SHORTEST)
+    solver = ca.nlpsol("slew", "ipopt", nlp, options)
+    result, statistics = solver(**arguments), solver.stats()
+    if watch.failed is not None:
+        raise watch.failed
+    if statistics["return_status"] == "Maximum_WallTime_Exceeded":
+        raise OutOfTimeError(stage)
+    return result, statistics
 
 
 def _bounds(t: Transcription, problem: SlewProblem, limits: Limits) -> dict[str, Array]:

@@ -7,7 +7,7 @@ are assembled from those of one stage, and these, by the chain rule, from those 
 meshes and orders of all plants of a kind share: other meshes are inexpensive to build.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,9 +16,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
-from boomctl.slew.dynamics import Kind, kind_of, rate_hessian_of, rate_jacobian_of, rates_of
-from boomctl.slew.nlp.interval import Interval, Units
-from boomctl.slew.objectives import OBJECTIVES, Parts
+from boomctl.slew.dynamics import kind_of, rate_hessian_of, rate_jacobian_of, rates_of
+from boomctl.slew.objectives import OBJECTIVES, Interval, Parts, Units
 from boomctl.slew.plant import SlewPlant
 from boomctl.slew.problem import SlewProblem
 
@@ -179,14 +178,12 @@ class _Point:
     """A point at which a stage evaluates the rates of a plant: states and torque, and symbols for rates and derivatives."""
 
     def __init__(self, plant: SlewPlant, arguments: ca.SX, number: int) -> None:
-        self.arguments, (self.kind, self._constants) = arguments, kind_of(plant)
+        self.arguments, (self.kind, self.constants) = arguments, kind_of(plant)
         self.rates, self.weights = (ca.SX.sym(f"{name}{number}", plant.n) for name in ("rates", "weights"))
         self.jacobian = ca.SX.sym(f"jacobian{number}", rate_jacobian_of(self.kind).sparsity_out(1))
-        self.hessian = ca.SX.sym(f"hessian{number}", rate_hessian_of(self.kind).sparsity_out(1))
-
-    def evaluated(self, equations: Callable[[Kind], ca.Function], arguments: ca.MX, *more: ca.MX) -> Any:
-        """Evaluate functions of the kind at a point, by calls that are not expanded."""
-        return equations(self.kind)(arguments[:-1], arguments[-1], ca.DM(self._constants), *more)
+        self.hessian = ca.SX.sym(f"hessian{number}", rate_hessian_of(self.kind).sparsity_out(2))
+        first = [self.rates, self.jacobian]
+        self.by_order = [self.rates], first, [self.weights, *first, self.hessian]
 
 
 def _stage(problem: SlewProblem, intervals: int, points: int, units: Units, layout: Layout) -> _Stage:
@@ -221,14 +218,15 @@ def _stage(problem: SlewProblem, intervals: int, points: int, units: Units, layo
     jacobian, gradient = (
         ca.jacobian(item, v) + ca.mtimes(ca.jacobian(item, every), rate_jacobian) for item in (value, cost)
     )
-    weight, multipliers = ca.SX.sym("w"), ca.SX.sym("m", value.shape[0])
-    lagrangian = weight * cost + ca.dot(multipliers, value)
+    inputs = [v, p, ca.SX.sym("w"), ca.SX.sym("m", value.shape[0])]
+    lagrangian = inputs[2] * cost + ca.dot(inputs[3], value)
     hessian = ca.triu(_total_hessian(lagrangian, v, every, evaluations, rate_jacobian))
+    weights = _evaluated("weights", inputs, evaluations, [ca.gradient(lagrangian, item.rates) for item in evaluations])
     return _Stage(
-        value=_with_rates("stage", v, p, evaluations, [value, cost]),
-        jacobian=_with_jacobians("jacobian", v, p, evaluations[:of_defects], _nonzeros(jacobian)),
-        gradient=_with_jacobians("gradient", v, p, evaluations[of_defects:], ca.densify(gradient.T)),
-        hessian=_with_hessians(v, p, evaluations, weight, multipliers, lagrangian, _nonzeros(hessian)),
+        value=_evaluated("stage", [v, p], evaluations, [value, cost]),
+        jacobian=_evaluated("jacobian", [v, p], evaluations[:of_defects], [_nonzeros(jacobian)], 1),
+        gradient=_evaluated("gradient", [v, p], evaluations[of_defects:], [ca.densify(gradient.T)], 1),
+        hessian=_evaluated("hessian", inputs, evaluations, [_nonzeros(hessian)], 2, weights),
         jacobian_pattern=jacobian.sparsity(),
         hessian_pattern=hessian.sparsity(),
         names=names,
@@ -251,45 +249,21 @@ def _total_hessian(lagrangian: ca.SX, v: ca.SX, rates: ca.SX, points: Sequence[_
     return total + ca.hessian(bent, v)[0]
 
 
-def _with_rates(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], values: list[ca.SX]) -> ca.Function:
-    """Return a function of v and p from expressions that contain rates at points."""
-    inner = ca.Function(name, [v, p, *(item.rates for item in points)], values)
-    x, data = inner.mx_in()[:2]
-    result = [item.evaluated(rates_of, arguments) for item, arguments in _arguments(v, p, points, x, data)]
-    return ca.Function(name, [x, data], inner.call([x, data, *result]))
-
-
-def _with_jacobians(name: str, v: ca.SX, p: ca.SX, points: Sequence[_Point], value: ca.SX) -> ca.Function:
-    """Return a function of v and p from an expression that contains rates at points and their Jacobians."""
-    inner = ca.Function(name, [v, p, *(symbol for item in points for symbol in (item.rates, item.jacobian))], [value])
-    x, data = inner.mx_in()[:2]
-    result = [item.evaluated(rate_jacobian_of, arguments) for item, arguments in _arguments(v, p, points, x, data)]
-    return ca.Function(name, [x, data], [inner(x, data, *(symbol for pair in result for symbol in pair))])
-
-
-def _with_hessians(
-    v: ca.SX, p: ca.SX, points: Sequence[_Point], weight: ca.SX, multipliers: ca.SX, lagrangian: ca.SX, value: ca.SX
+def _evaluated(
+    name: str, inputs: list[ca.SX], points: Sequence[_Point], values: list[ca.SX], order: int = 0, weights: Any = None
 ) -> ca.Function:
-    """Return a function of v, p and multipliers from an expression that contains derivatives of the rates by v."""
-    rates = [item.rates for item in points]
-    weights = ca.Function(
-        "weights", [v, p, weight, multipliers, *rates], [ca.gradient(lagrangian, item) for item in rates]
-    )
-    symbols = [symbol for item in points for symbol in (item.rates, item.weights, item.jacobian, item.hessian)]
-    inner = ca.Function("hessian", [v, p, weight, multipliers, *symbols], [value])
-    inputs = inner.mx_in()[:4]
-    evaluations, results = _arguments(v, p, points, *inputs[:2]), []
-    reached = [item.evaluated(rates_of, arguments) for item, arguments in evaluations]
-    for (item, arguments), f, l in zip(evaluations, reached, weights.call([*inputs, *reached]), strict=True):
-        results += [f, l, *item.evaluated(rate_hessian_of, arguments, l)]
-    return ca.Function("hessian", inputs, [inner(*inputs, *results)])
+    """Return a function of v, p (and multipliers) from expressions with the symbols of points up to an order.
 
-
-def _arguments(v: ca.SX, p: ca.SX, points: Sequence[_Point], x: ca.MX, data: ca.MX) -> list[tuple[_Point, ca.MX]]:
-    """Return points with their states and torques as functions of v and p."""
-    return list(
-        zip(points, ca.Function("arguments", [v, p], [item.arguments for item in points]).call([x, data]), strict=True)
-    )
+    The equations of motion are called, not expanded.  ``weights`` returns the weights of the rates at each point.
+    """
+    symbols = [symbol for item in points for symbol in item.by_order[order]]
+    inner = ca.Function(name, [*inputs, *symbols], values)
+    x, equations, results = inner.mx_in()[: len(inputs)], (rates_of, rate_jacobian_of, rate_hessian_of)[order], []
+    states = ca.Function("arguments", inputs[:2], [item.arguments for item in points]).call(x[:2])
+    given = [[] for _ in points] if weights is None else [[item] for item in weights.call(x)]
+    for item, at, weight in zip(points, states, given, strict=True):
+        results += [*weight, *equations(item.kind).call([at[:-1], at[-1], ca.DM(item.constants), *weight])]
+    return ca.Function(name, x, inner.call([*x, *results]))
 
 
 def _defects(parts: Parts, points: int, units: Units, s: Interval) -> ca.SX:
