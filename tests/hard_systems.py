@@ -38,6 +38,11 @@ def oscillator(frequency, ratio):
     return frequency * np.array([[-ratio, 1.0], [-1.0, -ratio]])
 
 
+def oscillators(frequencies, ratios):
+    """Return a block-diagonal A of oscillators."""
+    return linalg.block_diag(*map(oscillator, frequencies, ratios))
+
+
 def modes(rng, pairs, reals, damping=(-4.0, -0.5), decades=(-1.0, 1.0)):
     """Return a block-diagonal A of oscillators and lags."""
     ratios = log_uniform(rng, *damping, pairs)

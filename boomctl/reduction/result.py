@@ -73,7 +73,7 @@ class ReductionResult:
     method : str
         Reduction method.
     certificate : NormBounds
-        Bounds on the H-infinity norm of the difference between the stable parts; the upper bound includes rounding.
+        Bounds on the H-infinity norm of the difference between the stable parts, rounding included.
     hankel_singular_values : (n,) ndarray
         Hankel singular values of the stable part, descending; weighted by `omega_range` if there is one.
     retained_order : int

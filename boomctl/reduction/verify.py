@@ -132,7 +132,8 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
             f"the error, at least {norm.lower_bound:.4g} at {norm.peak_omega:.4g} rad/s, could not be verified"
             f" ({norm.method if rounding < inf else 'rounding of the matrices may change the response without bound'})"
         )
-    norm = replace(norm, upper_bound=norm.upper_bound + rounding)
+    lower, upper = max(norm.lower_bound - rounding, 0.0), norm.upper_bound + rounding
+    norm = replace(norm, lower_bound=lower, upper_bound=upper)
     if band is not None:  # Weighted Gramians may be inaccurate elsewhere.
         omega = omega_of_image(_checked_frequencies(parts.stable), original.dt)
         everywhere, elsewhere = error_norm(parts, reduced, None), lost + rounding_of(original, omega)

@@ -1,5 +1,7 @@
 """Reductions are what they say: errors and bounds against responses in 300 binary digits, at and beside all poles."""
 
+from contextlib import suppress
+
 import control
 import numpy as np
 import pytest
@@ -8,6 +10,7 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.exceptions import ReductionError
+from tests.hard_systems import oscillators
 from tests.lti.test_proof import response, size, with_many_digits
 from tests.profiles import examples
 from tests.reduction.test_reduce import METHODS
@@ -17,25 +20,27 @@ pytestmark = pytest.mark.filterwarnings("ignore::boomctl.exceptions.LowerOrderWa
 
 
 def stable(rng, kind):
-    """Return oscillators and lags in orthogonal or badly scaled coordinates, or a triangular matrix far from normal."""
+    """Return oscillators and lags in orthogonal or badly scaled coordinates, a matrix far from normal, or one of steps."""
     n = int(rng.integers(3, 8))
-    if kind == "triangular":
+    if kind == "steps":
+        A = rng.standard_normal((n, n))
+        A *= (1.0 - 10.0 ** rng.uniform(-4, -0.3)) / np.abs(np.linalg.eigvals(A)).max()
+    elif kind == "triangular":
         A = np.triu(30.0 * rng.standard_normal((n, n)), 1) - np.diag(10.0 ** rng.uniform(-1, 1, n))
     else:
         w, z = 10.0 ** rng.uniform(-1, 2, n // 2), 10.0 ** rng.uniform(-3, -0.3, n // 2)
-        blocks = [a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)]
-        A = linalg.block_diag(*blocks, *([-(10.0 ** rng.uniform(-1, 2))] * (n % 2)))
+        A = linalg.block_diag(oscillators(w, z), *([-(10.0 ** rng.uniform(-1, 2))] * (n % 2)))
         Q = np.linalg.qr(rng.standard_normal((n, n)))[0]
         A = Q @ A @ Q.T
-    B, C = rng.standard_normal((n, 2)), rng.standard_normal((1, n))
+    B, C, D = (rng.standard_normal(shape) for shape in ((n, 2), (1 + n % 2, n), (1 + n % 2, 2)))
     d = 10.0 ** rng.uniform(-3, 3, n) if kind == "scaled" else np.ones(n)
-    return A * d / d[:, None], B / d[:, None], C * d
+    return A * d / d[:, None], B / d[:, None], C * d, D * rng.integers(2)
 
 
-def sampled(rng, A, B, C):
+def sampled(rng, A, B, C, D=0.0):
     dt = 10.0 ** rng.uniform(-2, 0) / np.abs(np.linalg.eigvals(A)).max()
     held = linalg.expm(dt * np.block([[A, B], [np.zeros((2, len(A) + 2))]]))
-    return control.ss(held[: len(A), : len(A)], held[: len(A), len(A) :], C, 0.0, dt)
+    return control.ss(held[: len(A), : len(A)], held[: len(A), len(A) :], C, D, dt)
 
 
 def exact_error(full, reduced, band=None):
@@ -68,8 +73,10 @@ def error_at(full, reduced, omega):
 def test_no_error_exceeds_what_was_verified_bounded_or_wanted(seed):
     """And it is attained where it is said to be; no smaller system comes nearer than the Hankel values left out."""
     rng = np.random.default_rng(seed)
-    A, B, C = stable(rng, ("plain", "scaled", "triangular")[seed % 3])
-    full = control.ss(A, B, C, 0.0) if rng.random() < 0.4 else sampled(rng, A, B, C)
+    kind = ("plain", "scaled", "triangular", "steps")[seed % 4]
+    A, B, C, D = stable(rng, kind)
+    steps, continuous = kind == "steps", rng.random() < 0.4
+    full = control.ss(A, B, C, D, 0.05 * steps) if steps or continuous else sampled(rng, A, B, C, D)
     for method in METHODS:
         order = int(rng.integers(0, len(A) + 1))
         try:
@@ -86,10 +93,14 @@ def test_no_error_exceeds_what_was_verified_bounded_or_wanted(seed):
         if np.isfinite(norm.peak_omega):
             assert error_at(full, found.system, norm.peak_omega) >= norm.lower_bound * (1.0 - 1e-9)
     wanted = 10.0 ** rng.uniform(-14, 0) * np.linalg.norm(B) * np.linalg.norm(C)
-    found = bc.reduce(full, max_error=wanted, method=METHODS[seed % 4])
+    method = METHODS[seed // 4 % 4]
+    found = bc.reduce(full, max_error=wanted, method=method)
     assert found.error_norm <= wanted
     assert exact_error(full, found.system) <= wanted
     assert found.hankel_singular_values[found.order :].max(initial=0.0) <= wanted
+    if found.order and method in METHODS[:2]:  # no lower order will do
+        with suppress(ReductionError):
+            assert bc.reduce(full, found.order - 1, method).error_norm > wanted * (1.0 - 1e-4)
 
 
 @given(seeds)
@@ -98,8 +109,7 @@ def test_modal_choice_with_unstable_pole(seed):
     rng = np.random.default_rng(seed)
     count = int(rng.integers(2, 7))
     w, z = 10.0 ** rng.uniform(-1, 2, count), 10.0 ** rng.uniform(-5, -2, count)
-    blocks = [a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)]
-    A = linalg.block_diag(*blocks, 10.0 ** rng.uniform(-2, 1))
+    A = linalg.block_diag(oscillators(w, z), 10.0 ** rng.uniform(-2, 1))
     n = len(A)
     U, _, V = np.linalg.svd(rng.standard_normal((n, n)))
     T, inverse = (M @ V for M in (U * np.geomspace(1.0, 30.0, n), U / np.geomspace(1.0, 30.0, n)))
@@ -146,7 +156,7 @@ def lightly_damped(seed):
     light = np.arange(pairs) % 2 == 0
     w = 10.0 ** rng.uniform(-1, 1, pairs)
     z = 10.0 ** np.where(light, rng.uniform(-8, -4, pairs), rng.uniform(-3, -0.3, pairs))
-    A = linalg.block_diag(*(a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)))
+    A = oscillators(w, z)
     gains = np.repeat(10.0 ** np.where(light, rng.uniform(-1, 2, pairs), rng.uniform(-3, 0, pairs)), 2)
     B, C = gains[:, None] * rng.standard_normal((len(A), 2)), rng.standard_normal((1, len(A))) * gains
     if seed % 2:
@@ -199,7 +209,7 @@ def nonminimal(seed):
     rng = np.random.default_rng(seed)
     pairs = int(rng.integers(1, 4))
     w, z, k = 10.0 ** rng.uniform(-0.5, 1.0, pairs), 10.0 ** rng.uniform(-2.5, -0.3, pairs), 2 * pairs
-    A = linalg.block_diag(*(a * np.array([[-b, 1.0], [-1.0, -b]]) for a, b in zip(w, z, strict=True)))
+    A = oscillators(w, z)
     B, C = rng.standard_normal((k, 2)), rng.standard_normal((1, k))
     unreached, unseen = int(rng.integers(1, 4)), int(rng.integers(0, 4))
     n = k + unreached + unseen
