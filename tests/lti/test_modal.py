@@ -1,4 +1,4 @@
-"""Poles at zero and their Jordan chains, told by structure in whatever coordinates."""
+"""Poles at zero and their Jordan chains, told by structure in whatever coordinates; block-diagonal forms."""
 
 from dataclasses import replace
 
@@ -9,10 +9,12 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl.lti.integrators import without_integrators
-from boomctl.lti.modal import spectral_parts, split
+from boomctl.lti.modal import block_diagonal, spectral_parts, split
 from boomctl.lti.system import Lti
 from tests.profiles import examples
 from tests.strategies import seeds
+
+CONDITIONS = st.sampled_from([1e5, 1e6, 2.0**26])
 
 
 def integrating(rng, chains, slow):
@@ -86,3 +88,35 @@ def test_nothing_but_integrators():
     assert not len(found.rest.A)
     omega = np.array([0.5, 2.0])
     np.testing.assert_allclose(found.retained.response(omega), system.response(omega), rtol=1e-13)
+
+
+def _checked(A, condition):
+    """Return the widths of the blocks, after a look at what they promise."""
+    blocks, columns, widths = block_diagonal(A, condition)
+    assert np.linalg.cond(columns) <= condition
+    ends = np.cumsum(widths)
+    inside = linalg.block_diag(*(np.ones((width, width)) for width in widths))
+    assert sum(widths) == len(A) == ends[-1]
+    np.testing.assert_allclose(A @ columns, columns @ (blocks * inside), atol=1e-12 * condition * np.abs(A).max())
+    return widths
+
+
+@examples(60)
+@given(st.integers(0, 10_000), st.integers(1, 14), CONDITIONS)
+def test_form_is_similar(seed, n, condition):
+    assert max(_checked(np.random.default_rng(seed).standard_normal((n, n)), condition)) <= n
+
+
+@examples(30)
+@given(st.integers(0, 10_000), st.integers(2, 5), CONDITIONS)
+def test_poles_that_are_one_stay_together(seed, size, condition):
+    rng = np.random.default_rng(seed)
+    jordan = linalg.block_diag(np.diag(np.ones(size - 1), 1), np.diag([-1.0, -3.0]))
+    V = linalg.qr(rng.standard_normal((len(jordan), len(jordan))))[0]
+    assert max(_checked(V @ jordan @ V.T, condition)) == size
+
+
+def test_an_empty_matrix_has_no_blocks():
+    blocks, columns, widths = block_diagonal(np.zeros((0, 0)))
+    assert blocks.shape == columns.shape == (0, 0)
+    assert widths == []
