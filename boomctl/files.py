@@ -31,12 +31,11 @@ def prepared_folder(path: str | Path) -> Path:
     folder = Path(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle, probe = tempfile.mkstemp(dir=folder, prefix=".boomctl-")
+        with tempfile.TemporaryFile(dir=folder):
+            pass
     except OSError as error:
         why = "a file has that name" if isinstance(error, FileExistsError) else error.strerror or error
         raise OSError(f"output folder {folder}: cannot be written to ({why})") from None
-    os.close(handle)
-    os.unlink(probe)
     return folder
 
 

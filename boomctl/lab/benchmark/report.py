@@ -91,10 +91,8 @@ class BenchmarkReport:
 
     def page(self) -> str:
         """Return the page of the documentation on accuracy and run time, in Markdown."""
-        scenes, sizes = (
-            _markdown(_PAGE_HEADS, map(_page_line, self.diagrams)),
-            _markdown(_SIZE_HEADS, self._size_lines()),
-        )
+        scenes = _markdown(_PAGE_HEADS, map(_page_line, self.diagrams))
+        sizes = _markdown(_SIZE_HEADS, self._size_lines())
         text = (Path(__file__).parent / "accuracy.md").read_text(encoding="utf-8")
         return text.format(scenes=scenes, sizes=sizes, **self.environment)
 
@@ -143,13 +141,8 @@ def _point_table(diagram: Diagram) -> Table:
     lines = []
     for p in diagram.points:
         front = ", ".join(calls for calls in get_args(Calls) if p in diagram.front(calls))
-        verified = "yes" if p.verified else "no"
-        lines.append(
-            (
-                *(p.method, p.label, p.failed or error_words(p.error)),
-                *(duration(p.cold), duration(p.hot), _megabytes(p.memory), verified, front),
-            )
-        )
+        measures = duration(p.cold), duration(p.hot), _megabytes(p.memory), "yes" if p.verified else "no", front
+        lines.append((p.method, p.label, p.failed or error_words(p.error), *measures))
     heads = ("Method", "Setting", "Error", "Cold", "Hot", "Memory", "Verified", "On the front")
     caption = "Verified: the method checks its answer by an independent computation within the run time shown."
     return Table(heads, tuple(lines), caption, align="llrrrrll")

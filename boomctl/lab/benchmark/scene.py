@@ -121,7 +121,5 @@ class Scene:
         """Every third setting of each method, by its place among all; none of other sizes."""
         indices: dict[str, list[int]] = {}
         for index, setting in enumerate(self.settings):
-            if setting.size:
-                continue
-            indices.setdefault(setting.method, []).append(index)
+            indices.setdefault(setting.method, []).extend([] if setting.size else [index])
         return {index: self.settings[index] for result in indices.values() for index in result[::3]}
