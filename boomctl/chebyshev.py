@@ -163,20 +163,16 @@ def _degrees(counts: Sequence[int], reach: float) -> tuple[NDArray[np.int_], flo
 
     It ends where there are too many terms.
     """
-    chosen, beyond = [((), 0.0)], inf
+    chosen, shares, beyond = np.zeros((1, 0), int), np.zeros(1), inf
     for count in counts:
-        longer: list[tuple[tuple[int, ...], float]] = []
-        for degree, share in chosen:
-            for power in range(count):
-                total = share + power / max(count - 1, 1)
-                if total > reach:
-                    beyond = min(beyond, total)
-                    break
-                longer.append(((*degree, power), total))
-        chosen = longer
+        powers = np.arange(count)
+        totals = (shares[:, None] + powers / max(count - 1, 1)).ravel()
+        longer = np.column_stack([np.repeat(chosen, count, axis=0), np.tile(powers, len(chosen))])
+        within = totals <= reach
+        chosen, shares, beyond = longer[within], totals[within], min(beyond, totals[~within].min(initial=inf))
         if len(chosen) > _TERMS:
             break
-    return np.array([(*degree, *[0] * (len(counts) - len(degree))) for degree, _ in chosen]), beyond
+    return np.pad(chosen, ((0, 0), (0, len(counts) - chosen.shape[1]))), float(beyond)
 
 
 def _products(places: Array, degrees: Array) -> Array:
