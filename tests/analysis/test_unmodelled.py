@@ -1,5 +1,7 @@
 """Stability with dynamics that a family does not model: what is proved is stable with whatever is within the bounds."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -85,6 +87,14 @@ def test_proved_loop_stable_with_any_admissible_dynamics(late):
     for _ in range(40):
         plant = with_beside(plants.at(rng.uniform(-1.0, 1.0, 2)), named(turned(W, rng)))
         assert slowest(plant, K, late or 0.0) < 0.0
+
+
+@pytest.mark.parametrize(("K", "by"), [(damper(), 0.0), (damper(0.0), 1.0), (bc.discretize(damper(), 0.1), 0.0)])
+def test_uncertainty_that_does_not_reach_the_control_changes_nothing(K, by):
+    nominal = bc.robust_stability(family(), K)
+    found = bc.robust_stability(family(), K, additive_uncertainty=scaled(BOUND, by))
+    assert nominal.proved
+    assert found == replace(nominal, small_gain=0.0, cells=found.cells)
 
 
 def test_uncertainty_beyond_bound_not_proved():

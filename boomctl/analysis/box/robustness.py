@@ -243,7 +243,8 @@ def robust_stability(
         reason = f"small-gain norm {gain:.4g} at {listed_values(around.worst_values)}"
     else:
         reason = "" if below else f"small-gain norm not proved below 1; worst_case: {around.message}"
-    method = f"{alone.method}; {around.method} with unmodeled dynamics" if below else ""
+    method = f"{alone.method}; {around.method} with unmodeled dynamics" if around.method else alone.method
+    method = method if below else ""
     cells += around.cells
     return replace(alone, proved=below, cells=cells, message=reason, method=method, small_gain=gain)
 

@@ -61,7 +61,9 @@ def small_gain(family: Family, K: Any, uncertainty: control.StateSpace, delay: f
     wide, weighed, points = _joined(family, K, bounds, unit)
     signals: Any = [*map(injected, points)], K.output_labels
     worst = partial(worst_case, wide, weighed, *signals, max_cells=max_cells, delay=delay, injection_points=points)
-    result = worst(rtol=None)
+    result, passing = worst(rtol=None), weighed.select(points, K.output_labels)
+    if not (passing.D.any() or (passing.B.any() and passing.C.any())):  # the control does not depend on the dynamics
+        return replace(result, upper_bound=0.0, message="")
     if result.lower_bound >= 1.0 - ROOT:
         return result
     # a level of one, or of twice the gain below one half
