@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from boomctl.analysis.norm import LOST, NO_RESPONSE, NormBounds, agree, matrices_norm, norm_of_data
+from boomctl.analysis.norm import LOST, NO_RESPONSE, NormBounds, matrices_norm, norm_of_data
 from boomctl.analysis.sum_over_modes import Bounded, bounds
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
@@ -25,6 +25,7 @@ from boomctl.lti.frequency import (
     resonance_grid,
     singular_values,
 )
+from boomctl.lti.rounding import CERTIFIED, TINY
 from boomctl.lti.system import beside, is_frequency_response, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.direct import direct_response, respond, respond_whole
@@ -83,11 +84,10 @@ def hinf_norm(system: "LinearSystem") -> NormBounds:
         if system.ncoordinates <= _WHOLE and (system._modal_form.eigensystem[0].real < 0.0).all():
             result = SplitModel(system, (system,)).norm()
             return result if result.status == "certified" else norm_of(system)
-        return norm_of(system)
-    if is_frequency_response(system):
-        return norm_of(system)
-    plain = of(system, sampled=True)
-    return replace(norm_of(plain.balanced()), _given=plain)
+    elif not is_frequency_response(system):
+        plain = of(system, sampled=True)
+        return replace(norm_of(plain.balanced()), _given=plain)
+    return norm_of(system)
 
 
 def norm_of(system: Any) -> NormBounds:
@@ -115,8 +115,6 @@ class SplitModel:
         """Return the singular values, descending, shape (min(outputs, inputs), frequencies)."""
         count = min(len(self.model.input_labels), len(self.model.output_labels))
         result = [singular_values(respond_whole(part.structure, part.ports, omega)) for part in self.parts]
-        if [len(values) for values in result] == [1, 1]:
-            return np.array([np.maximum(*result)[0], np.minimum(*result)[0]])[:count]
         return -np.sort(-np.vstack([*result, np.zeros((count, len(omega)))]), axis=0)[:count]
 
     def response(self, omega: Array) -> Array:
@@ -162,7 +160,7 @@ class SplitModel:
                 norms.append(_part_norm(part, most))
         largest = max(norms, key=lambda norm: norm.lower_bound)
         widest = max(norms, key=lambda norm: norm.upper_bound)
-        verified = agree(largest.lower_bound, widest.upper_bound) and largest.verified
+        verified = largest.verified and widest.upper_bound <= largest.lower_bound * (1.0 + CERTIFIED) + TINY
         return replace(
             largest,
             upper_bound=widest.upper_bound,

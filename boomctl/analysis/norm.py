@@ -15,6 +15,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache, partial
 from math import inf, isfinite, log2, nan
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +38,7 @@ from boomctl.lti.frequency import (
     top_of_a_mode,
 )
 from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fractions, sides
-from boomctl.lti.rounding import CANCELLED, CERTIFIED, DIGIT, EPS, EXACT_STATES, LEVEL, SUMMED, TINY
+from boomctl.lti.rounding import ALIKE, CANCELLED, CERTIFIED, DIGIT, EPS, EXACT_STATES, LEVEL, SUMMED, TINY
 from boomctl.lti.system import ClosedLoop, Lti, System, rates_of
 from boomctl.printing import between
 
@@ -165,11 +166,6 @@ class NormBounds:
         return "verified" if self.verified else "not verified"
 
 
-def agree(lower: float, upper: float) -> bool:
-    """Return whether two bounds agree to the certified accuracy of a norm; those of an infinite norm do."""
-    return lower == inf or upper <= lower * (1.0 + CERTIFIED) + TINY
-
-
 def norm_of_data(omega: Array, response: Array) -> NormBounds:
     """Return the largest singular value of a frequency response, outputs by inputs by frequencies, on its grid.
 
@@ -207,26 +203,26 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
         return infinite
     if hidden and len(system.A) <= EXACT_STATES:
         return exact_norm(original, 0.0, 0.0)
-    respond = partial(_response, system) if response is None else response
-    dt = system.dt
+    respond, dt = response or partial(_response, system), system.dt
     modes, mapped = continuous_image_of_modes(partial_fractions(system), dt)
+    error = bounded.error + mapped
 
     def at_image(v: Array) -> Array:
         return respond(v if dt == 0.0 else omega_of_image(v, dt))
 
-    last = system.D if dt == 0.0 else respond(np.array([system.nyquist]))[:, :, 0]
-    peak, at, upper = peak_by_modes(modes, at_image, bounded.error + mapped, largest_of(last))
+    peak, at, in_modes = _highest(system, at_image, error, modes, response is not None)
     omega = at if dt == 0.0 else float(omega_of_image(at, dt))
-    if peak == 0.0:
-        return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True, _proved=not hidden, _given=original)
-    if not isfinite(peak):  # Overflow.
-        return NormBounds(0.0, inf, omega, UNDECIDED, _given=original)
-    points = np.append(
-        omega if isfinite(omega) else 0.0, [] if bounded.error <= _ROUNDING_LIMIT * peak else least_damped(system.rates)
-    )
-    rounding = rounding_of(original, points)
+    if peak == 0.0 or not isfinite(peak):  # Infinite by overflow.
+        none = NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True, _proved=not hidden, _given=original)
+        return none if peak == 0.0 else NormBounds(0.0, inf, omega, UNDECIDED, _given=original)
+    if in_modes and response is None and error <= ALIKE * peak:
+        rounding = error
+    else:
+        points = [] if bounded.error <= _ROUNDING_LIMIT * peak else least_damped(system.rates)
+        rounding = rounding_of(original, np.append(omega if isfinite(omega) else 0.0, points))
     lower = max(peak - rounding, 0.0)
-    if upper < inf and peak >= _TINY:
+    if in_modes:
+        upper = peak * (1.0 + LEVEL) + _TWICE * error
         return NormBounds(lower, upper, omega, IN_MODES, verified=True, _proved=True, _given=original)
     if not hidden and rounding <= LEVEL * peak and peak >= _TINY:
         try:
@@ -241,6 +237,30 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
     if response is not None:  # Matrices that represent a structure have other rounding errors than the structure.
         return NormBounds(lower, inf, omega, LOST, _given=original)
     return exact_norm(original, lower, omega)
+
+
+def _highest(
+    system: Lti, respond: Response, error: float, modes: ModalSystem, direct: bool
+) -> tuple[float, float, bool]:
+    """Return the largest singular value found, its frequency, and whether the sum over the modes stays just below it.
+
+    Usually it is that of the mode that is highest alone: if this is proved, no further search is made.  ``error`` bounds the
+    error of the sum.  If it is small, the sum itself is the response, except with ``direct``.
+    """
+
+    def stays_below(peak: float, at: float) -> bool:
+        is_accurate = error <= _ROUNDING_LIMIT * peak < inf and peak >= _TINY and isfinite(at)
+        return is_accurate and sum_over_modes.stays_below(modes, peak * (1.0 + LEVEL), at)
+
+    top = top_of_a_mode(modes) if error < inf else None
+    if top is not None:
+        if direct or error > ALIKE * top[0]:
+            top = largest_of(respond(np.array([top[1]]))[:, :, 0]), top[1]
+        if stays_below(*top):
+            return *top, True
+    last = largest_of(system.D if system.dt == 0.0 else respond(np.array([inf]))[:, :, 0])
+    top = max(largest_gain(modes, respond), (last, inf), key=itemgetter(0))
+    return *top, stays_below(*top)
 
 
 def exact_norm(
@@ -291,10 +311,11 @@ def level_norm(
         Frequency range of the norm [rad/s]; all frequencies by default.  The level may be below the largest singular value of
         ``D``: within the band no singular value equals the level, and at one frequency all are below it.
     """
-    respond = partial(_response, system) if response is None else response
+    respond = response or partial(_response, system)
     low, high = band
     if peak is None and band == (0.0, inf):
-        peak = peak_by_modes(partial_fractions(system), respond, inf, largest_of(system.D))[:2]
+        found = largest_gain(partial_fractions(system), respond)
+        peak = max(found, (largest_of(system.D), inf), key=itemgetter(0))
     elif peak is None:
         grid = resonance_grid(system.poles, max(low, _BAND_START * high), high, points=SEARCHED, also=[low, high])
         peak = highest_peak(lambda omega: singular_values(respond(omega))[0], grid)
@@ -317,31 +338,6 @@ def level_norm(
             return NormBounds(value, level, at, NO_CROSSING, verified=True)
         value, at = higher, omega
     return NormBounds(value, inf, at, UNDECIDED)
-
-
-def peak_by_modes(
-    modes: ModalSystem, respond: Response, error: float, last: float, above: float = LEVEL
-) -> tuple[float, float, float]:
-    """Return the largest singular value near the modes, its frequency, and a bound that the sum over the modes proves.
-
-    ``last`` is the largest singular value at infinite frequency.  ``error`` bounds the error of the sum, and the change of
-    the response if every entry is perturbed by one ulp.  The bound is infinite if the sum proves none.  Usually the peak is
-    that of the mode with the highest individual peak: if this is proved, no further search is made.  ``above`` is the
-    relative distance of the bound from the peak.
-    """
-
-    def bounded(peak: float, at: float) -> tuple[float, float, float]:
-        level = peak * (1.0 + above)
-        proved = error <= _ROUNDING_LIMIT * peak < inf and isfinite(at) and sum_over_modes.stays_below(modes, level, at)
-        return peak, at, level + _TWICE * error if proved else inf
-
-    top = top_of_a_mode(modes) if error < inf else None
-    if top is not None:
-        result = bounded(float(singular_values(respond(np.array([top[1]])))[0, 0]), top[1])
-        if result[2] < inf:
-            return result
-    peak, at = largest_gain(modes, respond)
-    return bounded(peak, at) if peak >= last else (last, inf, inf)
 
 
 def _movable(system: Lti, times: float) -> Array:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
-from boomctl.analysis.norm import NormBounds, agree, matrices_norm
+from boomctl.analysis.norm import NormBounds, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
 from boomctl.lti.frequency import BEYOND, SEARCHED, highest_peak, resonance_grid
@@ -35,24 +35,19 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-LIFTED = (
-    "level of the lifted loop, and gain of piecewise linear disturbances"  # Methods of the upper and the lower bound.
-)
+# Methods of the upper and the lower bound.
+LIFTED = "level of the lifted loop, and gain of piecewise linear disturbances"
 NOT_PROVED = "no level above the gain reached is proved"  # No upper bound.
 NOT_STABLE = "a pole on or outside the unit circle"  # Infinite.
 _SMALL = 0.5  # Norm of the Hamiltonian matrix times the first step.
 _SHORT = 0.25  # Largest gain within the first step, relative to the level.
 _DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate an error of units.
-_SLOWEST = (
-    1e-9  # Poles below this fraction of half the sampling rate do not define the search range: they are integrators.
-)
+# Poles below this fraction of half the sampling rate do not define the search range: they are integrators.
+_SLOWEST = 1e-9
 _LOWEST = 0.1  # The search begins at this fraction of half the sampling rate, or below if a pole is slower.
 _ABOVE = 4e-6  # Relative distance of the level from the gain reached: below CERTIFIED.
-_FAR_ABOVE = (
-    3e-5,
-    1e-4,
-    1e-3,
-)  # Further distances if the gain is reached only with more parts; such bounds are not verified.
+# Further distances if the gain is reached only with more parts; such bounds are not verified.
+_FAR_ABOVE = (3e-5, 1e-4, 1e-3)
 _MOVES = 4  # Largest number of frequencies at which a peak of the level's loop is followed.
 _CONVERGED = 1e-6  # The number of parts is increased until the gain changes by less, relative.
 _PARTS = (4, 16, 64, 192)  # Numbers of parts of a sample: the error falls with their fourth power.
@@ -298,7 +293,7 @@ class SampledLoop:
                 level = lower * (1.0 + _ABOVE)
                 norm = self.of_level(level)
                 if norm.upper_bound < 1.0:
-                    return NormBounds(lower, level, omega, LIFTED, verified=norm.verified and agree(lower, level))
+                    return NormBounds(lower, level, omega, LIFTED, verified=norm.verified)
                 if not np.isfinite(norm.lower_bound):
                     break
                 at = norm.peak_omega
@@ -317,10 +312,8 @@ class SampledLoop:
         counts = [int(np.ceil(parts * duration / self.controller.dt)) for duration, _ in self.parts]
         ends, nw = self.parts[0][1].B.shape
         size, known = ends + 2 * nw * sum(counts), ends
-        reach, energy = (
-            np.eye(ends, size),
-            np.zeros((size, size)),
-        )  # Columns: states at the sample, then c, d of each part.
+        # Columns: states at the sample, then c, d of each part.
+        reach, energy = np.eye(ends, size), np.zeros((size, size))
         none, unit = np.zeros((nw, ends)), np.eye(nw)
         for (duration, part), count in zip(self.parts, counts, strict=True):
             h = duration / count

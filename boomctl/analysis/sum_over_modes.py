@@ -14,7 +14,7 @@ from scipy.linalg import blas, lapack
 from boomctl.arrays import squared
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.rounding import CANCELLED, EPS, TINY
+from boomctl.lti.rounding import CANCELLED, EPS
 from boomctl.lti.system import System
 
 _INVERSE = 0.1  # Largest distance from the identity of the eigenvectors times their inverse; no bound beyond it.
@@ -32,6 +32,7 @@ _EVALUATED = 16  # Rounding errors of a term of the sum, in addition to one for 
 _CELLS, _CELLS_OF_MODE = 400, 10  # Largest number of cells, and per mode: with more, another proof is as fast.
 # Largest number of entries of the response per mode: with more, another proof is faster.
 _ENTRIES = 6
+_UNDERFLOW = 1e-150  # More than the length of entries whose squares underflow.
 
 
 @dataclass(frozen=True)
@@ -115,8 +116,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
         return False
     poles, terms, D = modes.poles[:, None], modes.terms / level, modes.D.reshape(-1, 1) / level
     decay, omega, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
-    largest = np.maximum(np.abs(terms).max(axis=1, initial=0.0), TINY)  # its square may underflow
-    size = largest * np.sqrt(squared(terms / largest[:, None]).sum(axis=1))
+    size = np.sqrt(squared(terms).sum(axis=1)) + _UNDERFLOW
     lost = (len(decay) + _EVALUATED) * EPS * float((size / decay).sum())  # rounding error of the sum
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
     if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= 1.0:  # above the fastest
