@@ -1,23 +1,23 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
+from boomctl.analysis.bode import bode as bode
 from boomctl.analysis.box.robustness import robust_stability as robust_stability
 from boomctl.analysis.box.scheduled import gain_schedule as gain_schedule
 from boomctl.analysis.box.worst_case import worst_case as worst_case
+from boomctl.analysis.comparison import compare as compare
 from boomctl.analysis.h2 import h2_norm as h2_norm
-from boomctl.analysis.looking.bode import bode as bode
-from boomctl.analysis.looking.comparison import compare as compare
-from boomctl.analysis.looking.nyquist import nyquist as nyquist
-from boomctl.analysis.looking.pole_zero import pzmap as pzmap
-from boomctl.analysis.looking.transients import impulse as impulse
-from boomctl.analysis.looking.transients import step as step
 from boomctl.analysis.loops import feedback_loop as feedback_loop
 from boomctl.analysis.margins import margins as margins
 from boomctl.analysis.model_norm import hinf_norm as hinf_norm
 from boomctl.analysis.modes import mode_table as mode_table
+from boomctl.analysis.modes import pzmap as pzmap
+from boomctl.analysis.nyquist import nyquist as nyquist
 from boomctl.analysis.prove import prove as prove
 from boomctl.analysis.sigma import compare_sigma as compare_sigma
 from boomctl.analysis.sigma import sigma as sigma
 from boomctl.analysis.state_outputs import with_state_outputs as with_state_outputs
+from boomctl.analysis.transients import impulse as impulse
+from boomctl.analysis.transients import step as step
 from boomctl.boom.exact import exact_eigenfrequencies_hz as exact_eigenfrequencies_hz
 from boomctl.boom.exact import exact_frequency_response as exact_frequency_response
 from boomctl.boom.factory import spray_boom as spray_boom

@@ -1,23 +1,16 @@
 # The public names and where each is defined: `__init__.py` loads them from there when they are first used.
 
+from boomctl.analysis.bode import BodeResult as BodeResult
+from boomctl.analysis.bode import bode as bode
 from boomctl.analysis.box.robustness import RobustStability as RobustStability
 from boomctl.analysis.box.robustness import RobustStabilityMargin as RobustStabilityMargin
 from boomctl.analysis.box.robustness import robust_stability as robust_stability
 from boomctl.analysis.box.robustness import robust_stability_margin as robust_stability_margin
 from boomctl.analysis.box.worst_case import WorstCase as WorstCase
 from boomctl.analysis.box.worst_case import worst_case as worst_case
+from boomctl.analysis.comparison import Comparison as Comparison
+from boomctl.analysis.comparison import compare as compare
 from boomctl.analysis.h2 import h2_norm as h2_norm
-from boomctl.analysis.looking.bode import BodeResult as BodeResult
-from boomctl.analysis.looking.bode import bode as bode
-from boomctl.analysis.looking.comparison import Comparison as Comparison
-from boomctl.analysis.looking.comparison import compare as compare
-from boomctl.analysis.looking.nyquist import NyquistResult as NyquistResult
-from boomctl.analysis.looking.nyquist import nyquist as nyquist
-from boomctl.analysis.looking.pole_zero import PoleZeroResult as PoleZeroResult
-from boomctl.analysis.looking.pole_zero import pzmap as pzmap
-from boomctl.analysis.looking.transients import TimeResponse as TimeResponse
-from boomctl.analysis.looking.transients import impulse as impulse
-from boomctl.analysis.looking.transients import step as step
 from boomctl.analysis.loops import closed_loop_response as closed_loop_response
 from boomctl.analysis.loops import feedback_loop as feedback_loop
 from boomctl.analysis.margins import DiskMargin as DiskMargin
@@ -27,9 +20,13 @@ from boomctl.analysis.margins import margins as margins
 from boomctl.analysis.model_norm import hinf_norm as hinf_norm
 from boomctl.analysis.modes import Mode as Mode
 from boomctl.analysis.modes import ModeTable as ModeTable
+from boomctl.analysis.modes import PoleZeroResult as PoleZeroResult
 from boomctl.analysis.modes import mode_table as mode_table
+from boomctl.analysis.modes import pzmap as pzmap
 from boomctl.analysis.norm import NormBounds as NormBounds
+from boomctl.analysis.nyquist import NyquistResult as NyquistResult
 from boomctl.analysis.nyquist import NyquistStability as NyquistStability
+from boomctl.analysis.nyquist import nyquist as nyquist
 from boomctl.analysis.nyquist import nyquist_stability as nyquist_stability
 from boomctl.analysis.prove import Proof as Proof
 from boomctl.analysis.prove import prove as prove
@@ -39,4 +36,7 @@ from boomctl.analysis.sigma import SigmaResult as SigmaResult
 from boomctl.analysis.sigma import compare_sigma as compare_sigma
 from boomctl.analysis.sigma import sigma as sigma
 from boomctl.analysis.state_outputs import with_state_outputs as with_state_outputs
+from boomctl.analysis.transients import TimeResponse as TimeResponse
+from boomctl.analysis.transients import impulse as impulse
+from boomctl.analysis.transients import step as step
 from boomctl.lti.sampled import sample_plant as sample_plant

@@ -37,6 +37,7 @@ Signals: TypeAlias = str | Sequence[str] | None  # names, None for all
 
 _Key = TypeVar("_Key")
 _EXPECTED = "SecondOrderModel, StateSpace or FrequencyResponseData"
+ANY_RESULT = "SecondOrderModel, StateSpace, TransferFunction, or a result with a closed loop or a reduced system"
 # Distance from an undamped mode within which frequencies are omitted, in units of `NARROWEST`: half a grid step (`DRAWN`).
 _EXCLUDED = 0.1
 
@@ -149,6 +150,26 @@ def between_signals(
         if not there:
             raise ValueError(f"system: expected a system with {kind}, got none")
     return result
+
+
+def looked_at(source: object) -> Any:
+    """Return the closed loop of a design, the reduced system of a reduction, or any other object unchanged."""
+    for part in ("_closed_loop", "_reduced"):
+        if isinstance(result := getattr(source, part, None), Lti | SecondOrderModel):
+            return result
+    return source
+
+
+def matrices(source: object, inputs: Signals = None, outputs: Signals = None) -> Lti:
+    """Return the balanced matrices of a system or a result between signals; by default a boom's actuators and tips.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the system has an unsupported type, no inputs, no outputs or an unspecified sampling time, or a name is unknown.
+    """
+    result = between_signals(looked_at(source), inputs, outputs, ANY_RESULT)
+    return result if isinstance(result, Lti) else of(result).balanced()
 
 
 NO_SINES = "unstable: these are no steady-state responses, which do not exist"

@@ -16,13 +16,11 @@ from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, in_rows,
 from boomctl.plotting.margins import MARGIN, NARROW, SHADE, WIDE, draw_critical, draw_curve, farthest, frame
 
 if TYPE_CHECKING:
-    from boomctl.analysis.looking.bode import BodeResult
-    from boomctl.analysis.looking.nyquist import NyquistResult
-    from boomctl.analysis.looking.pole_zero import PoleZeroResult
-    from boomctl.analysis.looking.transients import TimeResponse
+    from boomctl.analysis.bode import BodeResult
     from boomctl.analysis.margins import DiskMargin
-    from boomctl.analysis.modes import ModeTable
-    from boomctl.analysis.nyquist import NyquistStability
+    from boomctl.analysis.modes import ModeTable, PoleZeroResult
+    from boomctl.analysis.nyquist import NyquistResult, NyquistStability
+    from boomctl.analysis.transients import TimeResponse
 
 _STYLES = ("-", "--", ":", "-.")  # line styles, changed after each cycle of the colors
 _STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # tick spacings of angles, which include 45, 90 and 180 degrees

@@ -10,7 +10,7 @@ from matplotlib import pyplot as plt
 from scipy import linalg
 
 import boomctl as bc
-from boomctl.analysis.looking.given import looked_at
+from boomctl.analysis.sigma import looked_at
 from tests import handed_out as one
 from tests.exact import on_axis, roots
 from tests.hard_systems import unimodular

@@ -57,15 +57,10 @@ class LoopPart:
     errors: tuple[Array, Array]
     dt: float = 0.0
 
-    @property
-    def sampled(self) -> bool:
-        """True for the image of a sampled loop."""
-        return self.dt > 0.0
-
     def at(self, delta: Array) -> Lti:
         """Return the loop at a point of the part, as a state-space system."""
         (E, A), B = value_at(self.pencils, delta), value_at(self.B, delta)
-        if self.sampled:
+        if self.dt:
             return Lti(0.5 * (E + A), B, self.C, self.D, dt=self.dt).balanced()
         return Lti(np.linalg.solve(E, A), np.linalg.solve(E, B), self.C, self.D).balanced()
 
@@ -74,8 +69,8 @@ class LoopPart:
         C, D = self.C / level, self.D / level
         n, m = self.B[()].shape
         CC, CD, rest = C.T @ C, C.T @ D, np.eye(m) - D.T @ D
-        sampled, sizes = float(self.sampled), np.abs(poles_of(self.pencils[()]))
-        back = 1.0 if self.sampled else 1.0 / float(np.median(sizes))  # one over the rate ``r``
+        sampled, sizes = float(self.dt > 0.0), np.abs(poles_of(self.pencils[()]))
+        back = 1.0 if self.dt else 1.0 / float(np.median(sizes))  # one over the rate ``r``
         none, empty = np.zeros((n, n)), np.zeros((n, m))
         result = {}
         for power in dict.fromkeys((*self.pencils, *self.B)):
@@ -100,7 +95,7 @@ class LoopPart:
 
         def prove(cell: Cell) -> int | None:
             highest = self.D[:, :, None]
-            if driven and self.sampled:
+            if driven and self.dt:
                 loop = self.at(cell.middle)
                 highest = loop.response(np.array([loop.nyquist]), quiet=True)
             below = bool(singular_values(highest)[0, 0] < level)

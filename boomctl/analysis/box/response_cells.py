@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations_with_replacement
 from math import comb
 from typing import TYPE_CHECKING, Any
@@ -149,7 +148,7 @@ class ResponseCells:
         off = np.abs(W) @ (ROUNDING * np.abs(both).sum(axis=0) + loop.errors[0]) @ np.abs(V)
         rounding, size = (*off, np.abs(W) @ loop.errors[1]), len(loop.cell.middle)
         E, A = (W @ both @ V).swapaxes(0, 1)
-        return cls(powers, E, A, driving, loop.C @ V, loop.D, loop.sampled, rounding, poles, size)
+        return cls(powers, E, A, driving, loop.C @ V, loop.D, loop.dt > 0.0, rounding, poles, size)
 
     def start(self, box: Cell) -> Frontier:
         """Return the cells of a part of the box over all frequencies."""
@@ -160,17 +159,6 @@ class ResponseCells:
         ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
         middle, reach = np.tile(box.middle, (count, 1)), np.tile(box.reach, (count, 1))
         return Frontier(middle, reach, ends, np.arange(count) == count - 1)
-
-    @cached_property
-    def sizes(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-        """Magnitudes of the entries of ``E`` and ``A``, and of the inputs of ``-w'`` and ``w``."""
-        B = np.abs(self.B)
-        return (np.abs(self.E), np.abs(self.A)), (self.sampled * B, B)
-
-    @property
-    def batch(self) -> int:
-        """Number of cells evaluated at once."""
-        return max(8, _BATCH // len(self.poles) ** 2)
 
     def look(self, cells: Frontier) -> tuple[Array, Array, NDArray[np.int_], Array]:
         """Return bounds of the largest singular value over cells, its values at their midpoints, and where to cut them."""
@@ -194,8 +182,9 @@ class ResponseCells:
             Called with the largest gain at the midpoints of a batch and its point; returns the new level, infinite to stop.
         """
         cells, visited, proved = self.start(cell), 0, 0
+        batch = max(8, _BATCH // len(self.poles) ** 2)
         while len(cells) and visited + len(cells) <= limit and level < np.inf:
-            here, cells = cells[-self.batch :], cells[: -self.batch]
+            here, cells = cells[-batch:], cells[:-batch]
             bound, gain, axes, between = self.look(here)
             visited += len(here)
             worst = int(np.argmax(gain))
@@ -276,8 +265,8 @@ class _Series:
         side = [sum(np.abs(x) for x in terms.values()) for terms in (turned, still)]
         others = [side[0] * off_E + side[1] * off_A, (side[0] + side[1]) * off_B]
         if beyond.any():
-            for k, pair in enumerate(loop.sizes):
-                others[k] += sum(w * np.tensordot(beyond, X, 1) for w, X in zip(side, pair, strict=True))
+            for k, pair in enumerate(((loop.E, loop.A), (loop.sampled * loop.B, loop.B))):
+                others[k] += sum(w * np.tensordot(beyond, np.abs(X), 1) for w, X in zip(side, pair, strict=True))
         higher, driven = (late + np.abs(inverse) @ more for late, more in zip((higher, driven), others, strict=True))
         sizes = {p: np.abs(X) for p, X in Z.items() if p}
         main = sum(X for p, X in sizes.items() if len(p) == 1)

@@ -16,9 +16,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.h2 import h2_norm
-from boomctl.analysis.looking.given import EXPECTED, looked_at, matrices
 from boomctl.analysis.margins import Margins
-from boomctl.analysis.sigma import SelectedSystem, SigmaResult, between_signals, curves_of, naming
+from boomctl.analysis.sigma import (
+    ANY_RESULT,
+    SelectedSystem,
+    SigmaResult,
+    between_signals,
+    curves_of,
+    looked_at,
+    matrices,
+    naming,
+)
 from boomctl.checks import known, mapping, shown
 from boomctl.lti.modal import resolved
 from boomctl.lti.system import Lti
@@ -197,7 +205,7 @@ def compare(
         for k, member in enumerate(parts[name]):
             if not hasattr(type(member), "__figures__"):
                 with naming(f"results[{name!r}]"):
-                    chosen = between_signals(looked_at(member), inputs, outputs, EXPECTED)
+                    chosen = between_signals(looked_at(member), inputs, outputs, ANY_RESULT)
                     systems[name, k] = SelectedSystem.of(chosen, omega, None, None, None)
     _check_same_scales(systems.values())
     curves = curves_of(systems)

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.looking.given import looked_at
-from boomctl.analysis.sigma import NO_SINES, SelectedSystem, drawn_grid, exclude_undamped, finite
+from boomctl.analysis.sigma import NO_SINES, SelectedSystem, drawn_grid, exclude_undamped, finite, looked_at
 from boomctl.arrays import Array
 from boomctl.checks import known
 from boomctl.lti.frequency import ABOVE, with_peaks

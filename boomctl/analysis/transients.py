@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from boomctl.analysis.looking.given import matrices
-from boomctl.analysis.sigma import Signals
+from boomctl.analysis.sigma import Signals, matrices
 from boomctl.arrays import Array, blocks
 from boomctl.checks import finite_array, known, no_signals, plain_array, positive
 from boomctl.lti.hold import BLOCK, matrix_expm1, motion_coordinates, observability
