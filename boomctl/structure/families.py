@@ -171,14 +171,25 @@ class Family:
             If the number of values differs from that of the parameters, or if a value is not finite.
         """
         c, products = self.nominal, products_of(self, self._delta(delta)).tolist()
-        terms = [term for term in zip(products, self.coefficients, strict=True) if term[0]]
-        M, C, K, B, L = (
-            getattr(middle, letter) + sum(product * getattr(slope, letter) for product, (_, slope) in terms)
-            for letter, middle in zip("MCKBL", (c, c, c, c.ports, c.ports), strict=True)
-        )
-        structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror)
-        structure = replace(structure, outline=c.structure.outline)
+        middle, changes = self._entries
+        entries = middle + sum(product * change for product, change in zip(products, changes, strict=True) if product)
+        n, m, p = c.ncoordinates, len(c.input_labels), len(c.output_labels)
+        M, C, K = entries[: 3 * n * n].reshape(3, n, n)
+        B, L = entries[3 * n * n : 3 * n * (n + m)].reshape(3, n, m), entries[3 * n * (n + m) :].reshape(3, p, n)
+        structure = Structure.of(M, C, K, c.coordinates, c.structure.mirror, c.structure.outline)
         return SecondOrderModel.of(structure, replace(c.ports, B=B, L=L))
+
+    @cached_property
+    def _entries(self) -> tuple[Array, Array]:
+        """Entries of ``M, C, K, B, L``, one after another: at the center, and their change by each term."""
+        c = self.nominal
+        matrices = {"M": c.M, "C": c.C, "K": c.K, "B": c.ports.B, "L": c.ports.L}
+        changes = [
+            [np.broadcast_to(getattr(slope, letter), X.shape).ravel() for letter, X in matrices.items()]
+            for _, slope in self.coefficients
+        ]
+        middle = np.concatenate([X.ravel() for X in matrices.values()])
+        return middle, np.array([np.concatenate(change) for change in changes]).reshape(-1, len(middle))
 
     def _delta(self, delta: ArrayLike) -> Array:
         d = finite_array("delta", delta, ndim=1)

@@ -14,11 +14,12 @@ rigid motion is a difference of nearly equal displacements, its force a differen
 """
 
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from boomctl.arrays import Array, combined
+from boomctl.lti.rounding import SUMMED
 from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 from boomctl.structure.symmetry import Mirror
@@ -92,14 +93,45 @@ class Layout:
 
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Layout]]":
-        """The motions of each parity, ``q = P q_half``, and the rows over them; the layout has a mirror."""
+        """For each parity the motions ``q = P q_half``, and over them one of each pair of rows; the layout has a mirror."""
         if self.mirror is None:
             raise ValueError("the structure carries no mirror")
+        N, R = (rows[first_of(images)] for rows, images in zip((self.N, self.R), self.images, strict=True))
         result = {}
         for parity in (1, -1):
-            P = self.mirror.basis(parity)
-            result[parity] = P, self.congruent(P, self.mirror.half_coordinates(self.coordinates, parity))
+            P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
+            result[parity] = P, Layout(names, combined(N, P), combined(R, P))
         return result
+
+    @cached_property
+    def images(self) -> tuple[Array, Array]:
+        """Indices of the mirror images of the mass rows and of the elastic rows, their own without a mirror."""
+        return _images(self.N, self.mirror), _images(self.R, self.mirror)
+
+
+@lru_cache(maxsize=4)  # At most 8 MB each.
+def layout_of_matrices(coordinates: tuple[str, ...], mirror: Mirror | None = None) -> Layout:
+    """Return the layout of matrices passed by the user."""
+    rows = np.eye(len(coordinates))
+    rows.setflags(write=False)
+    return Layout(coordinates, rows, rows, mirror)
+
+
+def first_of(images: Array) -> Array:
+    """Return the indices of one row of each pair of images."""
+    return np.flatnonzero(images >= np.arange(len(images)))
+
+
+def _images(rows: Array, mirror: Mirror | None) -> Array:
+    """Return the index of each row's mirror image, up to sign; its own if there is none to within rounding."""
+    if mirror is None:
+        return np.arange(len(rows))
+    size, here, image = np.abs(rows).max(axis=1, initial=0.0), np.arange(len(rows)), np.empty(len(rows), dtype=int)
+    motion, reflected = np.abs(rows @ mirror.probe).T
+    image[np.argsort(reflected)] = np.argsort(motion)
+    pair, reflection = rows[image], rows[:, mirror.partner] * mirror.sign
+    off = np.minimum(*(np.abs(reflection + sign * pair).max(axis=1, initial=0.0) for sign in (1.0, -1.0)))
+    return np.where((off <= SUMMED * size) & (image[image] == here), image, here)
 
 
 def _gram(rows: Array, weight: Array) -> Array:

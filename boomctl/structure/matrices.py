@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
-from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, weigh
+from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, first_of, layout_of_matrices, weigh
 from boomctl.structure.outline import Outline, mapped
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
@@ -50,11 +50,16 @@ class Structure:
 
     @classmethod
     def of(
-        cls, M: Array, C: Array, K: Array, coordinates: tuple[str, ...], mirror: Mirror | None = None
+        cls,
+        M: Array,
+        C: Array,
+        K: Array,
+        coordinates: tuple[str, ...],
+        mirror: Mirror | None = None,
+        outline: Outline | None = None,
     ) -> "Structure":
         """Return a structure of matrices known to be sound."""
-        rows = np.eye(len(coordinates))
-        structure = cls(Layout(coordinates, rows, rows, mirror), Weights(M, C, K))
+        structure = cls(layout_of_matrices(coordinates, mirror), Weights(M, C, K), outline)
         structure.__dict__["matrices"] = M, C, K
         return structure
 
@@ -144,10 +149,24 @@ class Structure:
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Structure]]":
         """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure over them."""
-        return {
-            parity: (P, replace(self, layout=layout, outline=mapped(self.outline, P, parity)))
-            for parity, (P, layout) in self.layout.halves.items()
-        }
+        mass, elastic = self.layout.images
+        m, c, k = self.weights.m, self.weights.c, self.weights.k
+        weights = Weights(_of_pairs(m, mass), _of_pairs(c, elastic), _of_pairs(k, elastic))
+        result = {}
+        for parity, (P, layout) in self.layout.halves.items():
+            half = (
+                replace(self, layout=layout, weights=weights)
+                if self.has_strains
+                else self.projected(P, layout.coordinates)
+            )
+            result[parity] = P, replace(half, outline=mapped(self.outline, P, parity))
+        return result
+
+
+def _of_pairs(weight: Array, images: Array) -> Array:
+    """Return the weights of one row of each pair of images, which stands for both."""
+    first = first_of(images)
+    return weight[first] + np.where(images[first] == first, 0.0, weight[images[first]])
 
 
 @lru_cache(maxsize=CACHE_SIZE)
@@ -169,7 +188,8 @@ def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
     if ins is None or outs is None:
         return None
     P, part = structure.halves[parity]
-    return part, ports.mixed(P, ins, outs), ins[0], outs[0]
+    rows = first_of(structure.layout.images[1]) if structure.has_strains else slice(None)
+    return part, ports.mixed(P, ins, outs, rows), ins[0], outs[0]
 
 
 def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:

@@ -133,10 +133,17 @@ class Ports:
         result.B[0, rigid[:, None], np.flatnonzero(self.moved)] = 0.0
         return result
 
-    def mixed(self, P: Array, ins: tuple[Array, tuple[str, ...]], outs: tuple[Array, tuple[str, ...]]) -> "Ports":
+    def mixed(
+        self,
+        P: Array,
+        ins: tuple[Array, tuple[str, ...]],
+        outs: tuple[Array, tuple[str, ...]],
+        rows: Array | slice = slice(None),
+    ) -> "Ports":
         """Return the ports over ``z`` with ``q = P z`` whose inputs ``v`` and outputs are ``d = W_in v``, ``W_out^T y``.
 
-        ``ins`` and ``outs`` are ``W_in`` and ``W_out``, each with the names of the new signals.
+        ``ins`` and ``outs`` are ``W_in`` and ``W_out``, each with the names of the new signals, ``rows`` the elastic rows
+        of the new structure.
         """
         (W_in, inputs), (W_out, outputs) = ins, outs
         first_in, first_out = np.abs(W_in).argmax(axis=0).tolist(), np.abs(W_out).argmax(axis=0).tolist()
@@ -155,8 +162,8 @@ class Ports:
             integrators=tuple(self.integrators[k] for k in first_in),
             bandwidths=tuple(self.bandwidths[k] for k in first_out),
             primary=first,
-            strains=None if self.strains is None else self.strains @ W_in,
-            tensions=None if self.tensions is None else W_out.T @ self.tensions,
+            strains=None if self.strains is None else self.strains[rows] @ W_in,
+            tensions=None if self.tensions is None else W_out.T @ self.tensions[:, rows],
             units={new: unit if new == old else half_unit(unit, new) for new, old, unit in pairs},
         )
 

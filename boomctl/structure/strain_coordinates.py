@@ -19,9 +19,9 @@ from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
 from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.ports import Ports
 
-# Smallest singular value of such rows below which coordinates are equilibrated before the rank is determined; short elements
-# next to long ones also cause small singular values.
-_CLEAR = 1e-4
+# Smallest singular value of rows of size one below which coordinates are equilibrated and the rank is determined; short
+# elements next to long ones also cause small singular values.  Their squares, of a Gram matrix, are still far above rounding.
+_CLEAR = 1e-5
 _EVENED = 30  # Iterations of equilibration; each takes the square root of the imbalance.
 
 
@@ -120,18 +120,17 @@ class StrainForm:
         return np.concatenate([still, (beta / alpha)[alpha != 0.0]])
 
 
-def _spread(S: Array) -> Array:
-    """Return the singular values of the rows that are not zero, each at size one."""
+def _of_size_one(S: Array) -> Array:
+    """Return the rows that are not zero, each at size one."""
     size = np.linalg.norm(S, axis=1)
-    return np.linalg.svd(S[size > 0.0] / size[size > 0.0][:, None], compute_uv=False)
+    return S[size > 0.0] / size[size > 0.0][:, None]
 
 
 def parted(lines: Array) -> tuple[Array, int]:
     """Return an orthogonal combination of motions, and the number of those, the last ones, that the lines do not read."""
     if not lines.any():
         return np.eye(lines.shape[1]), lines.shape[1]
-    size = np.linalg.norm(lines, axis=1)
-    _, spread, motions = np.linalg.svd(lines[size > 0.0] / size[size > 0.0][:, None])
+    _, spread, motions = np.linalg.svd(_of_size_one(lines))
     return motions.T, lines.shape[1] - int((spread > SUMMED * spread[0]).sum())
 
 
@@ -173,14 +172,17 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     r : int
         Number of columns with strains.
     """
-    n, unscaled = S.shape[1], S
-    S = unscaled * column
-    spread = _spread(S)
-    if spread[-1] < _CLEAR:
-        column = _even(rows)
-        S = unscaled * column
-        spread = _spread(S)
-    r = int((spread > SUMMED * spread[0]).sum())
+    n = r = S.shape[1]
+    unit = _of_size_one(S * column)
+    factor, failed = lapack.dpotrf(unit.T @ unit)
+    # The inverse of the factor is at least as large as that of the smallest singular value.
+    if failed or np.linalg.norm(lapack.dtrtri(factor)[0]) > 1.0 / _CLEAR:
+        spread = np.linalg.svd(unit, compute_uv=False)
+        if spread[-1] < _CLEAR:
+            column = _even(rows)
+            spread = np.linalg.svd(_of_size_one(S * column), compute_uv=False)
+        r = int((spread > SUMMED * spread[0]).sum())
+    S = S * column
     order = np.argsort(-np.abs(S).max(axis=1), kind="stable")
     T, pivots, tau, _, _ = lapack.dgeqp3(S[order])
     V, Q = np.zeros((n, n)), np.zeros_like(S)

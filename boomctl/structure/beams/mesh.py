@@ -120,18 +120,23 @@ def shape_functions(xi: Array, h: float, order: int, derivative: int) -> Array:
 
 @cache
 def _mass_rows(order: int, mass: str) -> Array:
-    """Return rows whose squares sum to the mass matrix of an element of unit length and unit mass."""
+    """Return rows whose squares sum to the mass matrix of an element of unit length and unit mass.
+
+    Each row is even or odd, so that the rows of an element and of its mirror image are images of each other.
+    """
     if mass == "lumped":
         return _frozen(np.sqrt(0.5) * np.eye(4)[[0, 2]])
     if mass == "linear":
         rows = np.zeros((2, 4))
-        rows[:, [0, 2]] = np.linalg.cholesky([[1 / 3, 1 / 6], [1 / 6, 1 / 3]]).T
+        rows[:, [0, 2]] = [[0.5, 0.5], [np.sqrt(1 / 12), -np.sqrt(1 / 12)]]
         return _frozen(rows)
     xi, weight = legendre.leggauss(order + 1)
     shapes = shape_functions(xi, 1.0, order, 0)
     matrix = 0.5 * (shapes * weight) @ shapes.T
     matrix[:4, :4] = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
-    return _frozen(np.linalg.cholesky(matrix).T)
+    parity = np.eye(order + 1)
+    parity[:4, :4] = np.sqrt(0.5) * np.array([[1, 0, 1, 0], [0, 1, 0, -1], [1, 0, -1, 0], [0, 1, 0, 1]])
+    return _frozen(np.linalg.cholesky(parity @ matrix @ parity.T).T @ parity)
 
 
 def _frozen(array: Array) -> Array:
