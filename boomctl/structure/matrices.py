@@ -149,24 +149,21 @@ class Structure:
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Structure]]":
         """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure over them."""
-        mass, elastic = self.layout.images
-        m, c, k = self.weights.m, self.weights.c, self.weights.k
-        weights = Weights(_of_pairs(m, mass), _of_pairs(c, elastic), _of_pairs(k, elastic))
-        result = {}
+        result, weights = {}, _of_pairs(self.weights, *self.layout.images) if self.has_strains else None
         for parity, (P, layout) in self.layout.halves.items():
-            half = (
-                replace(self, layout=layout, weights=weights)
-                if self.has_strains
-                else self.projected(P, layout.coordinates)
-            )
+            names = layout.coordinates
+            half = self.projected(P, names) if weights is None else replace(self, layout=layout, weights=weights)
             result[parity] = P, replace(half, outline=mapped(self.outline, P, parity))
         return result
 
 
-def _of_pairs(weight: Array, images: Array) -> Array:
+def _of_pairs(weights: Weights, mass: Array, elastic: Array) -> Weights:
     """Return the weights of one row of each pair of images, which stands for both."""
-    first = first_of(images)
-    return weight[first] + np.where(images[first] == first, 0.0, weight[images[first]])
+    result = []
+    for weight, images in ((weights.m, mass), (weights.c, elastic), (weights.k, elastic)):
+        first = first_of(images)
+        result.append(weight[first] + np.where(images[first] == first, 0.0, weight[images[first]]))
+    return Weights(*result)
 
 
 @lru_cache(maxsize=CACHE_SIZE)

@@ -38,6 +38,8 @@ from boomctl.units import warn_of_units
 if TYPE_CHECKING:
     import control
 
+_MODES = 5  # Default number of eigenfrequencies and mode shapes.
+
 
 @dataclass(frozen=True, init=False, eq=False)
 class SecondOrderModel:
@@ -303,7 +305,7 @@ class SecondOrderModel:
         return self.__lti__().poles
 
     @one_blas_thread
-    def eigenfrequencies_hz(self, count: int = 5) -> Array:
+    def eigenfrequencies_hz(self, count: int | None = None) -> Array:
         """Return the lowest damped eigenfrequencies, ``Im(lambda)/2 pi > 0``, ascending [Hz].
 
         If no mode is overdamped, number ``k``, from 1, belongs to mode ``k`` of :meth:`mode_shapes`; rigid-body motions are
@@ -311,8 +313,8 @@ class SecondOrderModel:
 
         Parameters
         ----------
-        count : int
-            Number of eigenfrequencies.
+        count : int, optional
+            Number of eigenfrequencies.  If None, 5, or all of a model that has fewer.
 
         Returns
         -------
@@ -331,18 +333,20 @@ class SecondOrderModel:
         BoomctlWarning
             If the lowest is below 1e-4 Hz and none is above 0.01 Hz, or if the lowest is above 1e5 Hz: units are not SI.
         """
-        result = damped_poles(self.structure, whole("count", count)).imag / (2.0 * np.pi)
+        wanted, least = (_MODES, 0) if count is None else (whole("count", count), None)
+        result = damped_poles(self.structure, wanted, least=least).imag / (2.0 * np.pi)
         warn_of_units(result)
         return result
 
     @one_blas_thread
-    def mode_shapes(self, count: int = 5) -> ModeShapes:
+    def mode_shapes(self, count: int | None = None) -> ModeShapes:
         """Return the lowest undamped modes and their shapes.
 
         Parameters
         ----------
-        count : int
-            Number of modes, from the lowest; rigid-body motions come first, and are not numbered.
+        count : int, optional
+            Number of modes, from the lowest; rigid-body motions come first, and are not numbered.  If None, 5, or all of a
+            model that has fewer.
 
         Returns
         -------
@@ -360,7 +364,7 @@ class SecondOrderModel:
         BoomctlWarning
             If the units seem not to be SI; see :meth:`eigenfrequencies_hz`.
         """
-        result = mode_shapes(self.structure, count)
+        result = mode_shapes(self.structure, min(_MODES, self.ncoordinates) if count is None else count)
         warn_of_units(result.eigenfrequencies_hz)
         return result
 

@@ -704,13 +704,15 @@ class Beam:
         """Point of the beam at its end."""
         return self.at(self.length)
 
-    def at(self, s: float) -> Point:
+    def at(self, s: float, y: None = None) -> Point:
         """Return the point of the beam at a distance from its start.
 
         Parameters
         ----------
         s : float
             Distance from the start along the axis [m], from 0 to ``length``.
+        y : None
+            Not accepted: `at_point` takes a position ``(x, y)``.
 
         Returns
         -------
@@ -720,7 +722,7 @@ class Beam:
         Raises
         ------
         TypeError
-            If ``s`` is not a number.
+            If ``s`` is not a number, or if two numbers are passed.
         ValueError
             If ``s`` is not finite, or outside the beam.
 
@@ -734,6 +736,11 @@ class Beam:
         arm.at_point(3, 0)
         """
         slack = 1e-9 * self.length
+        if y is not None:
+            raise TypeError(
+                f"`s` must be one number, the distance from the start of beam {self.name!r} along its axis, got {shown(s)}"
+                f" and {shown(y)}. Use `at_point(x, y)` for a position in the drawing."
+            )
         if not -slack <= real("s", s) <= self.length + slack:
             raise ValueError(
                 f"`s` must be from 0 to {self.length:g} m, the length of beam {self.name!r}, got {exactly(s)}. Use"

@@ -88,3 +88,10 @@ def test_poles_invariant_to_redundant_inputs(structure):
     models = [prescribe_displacement(structure.model, "f0", motion=m) for m in ("displacement", "acceleration")]
     first, second = (model.eigenfrequencies_hz(1) for model in models)
     assert np.array_equal(first, second)
+
+
+@pytest.mark.parametrize(("n", "oscillating"), [(1, 1), (3, 3), (7, 5)])
+def test_default_number_of_modes_is_five_or_all(n, oscillating):
+    model = chain(n, 1.0)
+    assert len(model.eigenfrequencies_hz()) == len(model.mode_shapes().eigenfrequencies_hz) == oscillating
+    assert len(SecondOrderModel(np.eye(n), 10.0 * np.eye(n), np.eye(n)).eigenfrequencies_hz()) == 0

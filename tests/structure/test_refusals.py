@@ -107,6 +107,7 @@ SecondOrderModel(*3 * (np.eye(1001),)) -> must have at most 1000 coordinates, go
 # parts
 Force("f", BODY.at(0.0), 90.0) -> direction = 90\.0: expected radians, at most one turn
 beam(angle=45) -> angle of beam 'beam' = 45: expected radians
+beam(FiniteElements(1), parent=GROUND.at(0.0), joint=fixed()).at(1, 0.5) -> `s` must be one number.*at_point
 SpringDamper(BODY.at(0.0), BODY.at(1.0), "y") -> both ends are on 'body'; expected two bodies
 CutJoint(BODY.at(0.0), BODY.at(0.0)) -> cut joint: both ends are on 'body'
 Output("y", BODY.at(0.0), derivative=3) -> derivative of output 'y' = 3: expected a whole number of at most 2

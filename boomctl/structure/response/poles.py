@@ -39,13 +39,13 @@ def first_order_poles(M: Array, C: Array, K: Array) -> Array:
     return np.linalg.eigvals(blocks([[np.zeros((n, n)), np.eye(n)], [-scaled_K.T, -scaled_C]]))
 
 
-def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> Array:
+def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL, least: int | None = None) -> Array:
     """Return the ``count`` poles of lowest positive imaginary part.
 
     Raises
     ------
     ValueError
-        If there are fewer poles.
+        If there are fewer than ``least`` poles, by default ``count``.
 
     Warns
     -----
@@ -71,10 +71,10 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL) -> 
         if (np.abs(poles) ** 2 <= GRADED * structure.noise).any():
             poles = first_order_poles(*_without_rigid_motions(structure, modes).matrices)
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
-    if len(upper) < count:
+    if len(upper) < (count if least is None else least):
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
     lowest = upper[np.argsort(upper.imag)][:count]
-    if form is not None:
+    if form is not None and len(lowest):
         error = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())
         warn_of_rounding("the highest eigenfrequency", error, limit)
     return lowest
