@@ -99,7 +99,7 @@ plt.show()
 # %% [markdown]
 # ## Parameters and confidence intervals
 #
-# `bc.fit` begins from the drawing. Its intervals come from blocks of neighboring frequencies, not from a formula for
+# `bc.fit` begins from the drawing. Its intervals come from residuals correlated over frequency, not from a formula for
 # white noise.
 
 # %%

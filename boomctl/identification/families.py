@@ -7,9 +7,8 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, sequence, warn_user
-from boomctl.identification.blocks import confident, limits
 from boomctl.identification.free import changed
-from boomctl.identification.modal.modal_structure import names_of_coordinate, stiffness_and_damping
+from boomctl.identification.intervals import confident, limits
 from boomctl.identification.modal.search import MOST_DAMPED
 from boomctl.structure.families import Family, PolynomialFamily, Slope
 from boomctl.structure.matrices import Structure
@@ -139,19 +138,16 @@ def of_modes(
     ranges = {name: (low, min(high, MOST_DAMPED) if name in dampings else high) for name, (low, high) in ranges.items()}
     known = {name: value for k, mode in enumerate(modes) for name, value in zip(names_of_mode(k), mode, strict=True)}
     known |= {name_of_real_pole(k): -pole for k, pole in enumerate(real_poles)}
-    groups: dict[tuple[str, tuple[int, ...]], list[int]] = {}
+    groups: dict[tuple[str, ...], list[int]] = {}
     for position, name in enumerate(model.coordinates):
-        groups.setdefault(names_of_coordinate(name), []).append(position)
+        groups.setdefault(_parameters_of(name), []).append(position)
     names, C, K = tuple(ranges), np.array(model.C), np.array(model.K)
     terms: dict[tuple[int, ...], Array] = {}
-    for (kind, numbers), positions in groups.items():
-        parameters = [name for k in numbers for name in _PARAMETERS[kind](k)]
+    for parameters, positions in groups.items():
         own = {name: ranges[name] for name in parameters if name in ranges}
         if not own:
             continue
-        block = PolynomialFamily.from_function(
-            own, _alone(kind, parameters, known, float(C[positions[0], positions[0]]))
-        )
+        block = PolynomialFamily.from_function(own, _alone(parameters, known, float(C[positions[0], positions[0]])))
         C[positions, positions], K[positions, positions] = block.nominal.C[0, 0], block.nominal.K[0, 0]
         at = [names.index(name) for name in own]
         for power, change in block.coefficients:
@@ -165,18 +161,19 @@ def of_modes(
 
 
 def _alone(
-    kind: str, parameters: Sequence[str], known: Mapping[str, float], damping: float
+    parameters: Sequence[str], known: Mapping[str, float], damping: float
 ) -> Callable[[Mapping[str, float]], SecondOrderModel]:
     """Return the function that makes a coordinate of mass one with given poles, damped as much at the known ones."""
     second = damping - sum(known[name] for name in parameters)  # Rate of the second pole of a single real pole.
 
     def make(values: Mapping[str, float]) -> SecondOrderModel:
         point = [values.get(name, known[name]) for name in parameters]
-        if kind == "mode":
+        if parameters[0].startswith("mode"):
             rate = 2.0 * np.pi * point[0] / np.sqrt(1.0 - point[1] ** 2)
             K, C = rate**2, 2.0 * point[1] * rate
         else:
-            K, C = stiffness_and_damping(*(point if len(point) == 2 else (*point, second)))
+            first, last = point if len(point) == 2 else (*point, second)
+            K, C = first * last, first + last
         return SecondOrderModel([[1.0]], [[C]], [[K]])
 
     return make
@@ -192,8 +189,11 @@ def name_of_real_pole(k: int) -> str:
     return f"real_pole_{k + 1}"
 
 
-_PARAMETERS: Mapping[str, Callable[[int], tuple[str, ...]]] = {
-    "": lambda k: (),
-    "mode": names_of_mode,
-    "real_pole": lambda k: (name_of_real_pole(k),),
-}
+def _parameters_of(coordinate: str) -> tuple[str, ...]:
+    """Return the names of the parameters of a coordinate of a modal structure; "outside" and a rigid body have none."""
+    base = coordinate.partition(".")[0]
+    if base.startswith("mode_"):
+        return names_of_mode(int(base.removeprefix("mode_")) - 1)
+    if base.startswith("real_pole_"):
+        return tuple(name_of_real_pole(int(number) - 1) for number in base.removeprefix("real_pole_").split("_"))
+    return ()

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import function_of, positive, whole
 from boomctl.exceptions import AccuracyWarning
-from boomctl.identification.blocks import Spread, confident, limits, of_blocks, of_sets
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import STEP, IdentifiedSubspace, differences, jacobian
+from boomctl.identification.intervals import Spread, confident, limits, of_residuals, of_sets
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE
@@ -153,10 +153,10 @@ def fit(
     -----
     Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
     ``uncertainty_source`` names the origin of the covariance: for several data sets their differences, so that the
-    intervals hold for the value in another data set; for a response blocks of neighboring frequencies, so that errors may
-    be correlated.  For lists of frequencies, short responses and with ``error_std``, errors are assumed independent and
-    normal with standard deviations in the ratio of the inverse weights.  An error of the model that all data sets have in
-    common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
+    intervals hold for the value in another data set; for a response the residuals with their correlation over frequency.
+    For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are assumed independent
+    and normal with standard deviations in the ratio of the inverse weights.  An error of the model that all data sets have
+    in common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
     identifiable have an infinite interval and are listed in ``unidentifiable``.
 
     Examples
@@ -199,7 +199,7 @@ def fit(
     if len(item):
         spread = of_sets(item)
     elif known_size is None and not exact:
-        spread = of_blocks(matrix, f(x), measured, identified)
+        spread = of_residuals(matrix, f(x), measured, identified)
     # Number of standard deviations of the confidence level: normal, or Student's t, undefined without dof.
     degrees = np.inf if known_size is not None else dof
     limit = float(limits(confidence_level, np.array(degrees))) if degrees > 0 else np.inf

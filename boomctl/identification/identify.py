@@ -10,9 +10,9 @@ from scipy import special
 
 from boomctl.arrays import Array, squared
 from boomctl.checks import known, warn_user, whole, within
-from boomctl.identification.blocks import confident
 from boomctl.identification.families import name_of_real_pole, names_of_mode, of_modes, paired_modes, union
 from boomctl.identification.files.frequency_response import MeasuredFrequencyResponse
+from boomctl.identification.intervals import confident
 from boomctl.identification.modal.common_poles import CommonPoles
 from boomctl.identification.modal.jackknife import BLOCKS, deviations
 from boomctl.identification.modal.realized import RankOne
@@ -333,8 +333,9 @@ def identify(
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
-        Samples, one row per sample; several records as a list.  Or only FrequencyResponseData instead of inputs; for a result
-        of `estimate_frequency_response` its record is fitted, within its frequencies, and the full record validated.
+        Samples, one row per sample; several records as a list.  Or only FrequencyResponseData, or the result of
+        `read_frequency_response`, instead of inputs; for a result of `estimate_frequency_response` its record is fitted,
+        within its frequencies, and the full record validated.
     sample_time : float
         Time between samples [s].
     modes : int, optional

@@ -65,7 +65,7 @@ class FitResult(Summarized):
     certificate : FitCertificate
         Verification of the fit, independent of the solver.
     uncertainty_source : str
-        Origin of the intervals: data sets, blocks of frequencies, or residuals treated as independent.
+        Origin of the intervals: data sets, residuals correlated over frequency, or errors treated as independent.
     parameter_dof : dict of str to float
         Dof of each standard error, for Student's t; infinite if ``error_std`` was specified.
     per_dataset : tuple of dict

@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import some_names, whole
-from boomctl.identification.blocks import confident
+from boomctl.identification.intervals import confident
 from boomctl.identification.measured import RESPONSE, Measured, answered
 from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, append

@@ -63,5 +63,5 @@ def test_the_report_says_what_was_measured_and_proved():
     made = design()
     for name in ("PD with notch", "H-infinity"):
         assert made.synthesis_info[f"{name}, sampled loop over the box"].startswith("proved stable over the box")
-    assert "blocks of neighboring frequencies" in made.synthesis_info["intervals from"]
+    assert "correlated over frequency" in made.synthesis_info["intervals from"]
     assert made.evaluate().stable

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import boomctl as bc
+from tests.refusals import assert_refused, refusals
 
 
 def written(tmp_path, text):
@@ -22,50 +23,39 @@ def test_magnitudes_are_read_as_they_stand(tmp_path):
     assert curve.response is None
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("", "expected a line of column names"),
-        ("freq,upper\n1,2\n", "freq_hz"),
-        ("freq_hz,upper\n1\n", "line 2: expected 2 values"),
-        ("freq_hz,upper\n1,x\n", "line 2: expected a number in 'upper', got 'x'"),
-        ("freq_hz,upper\n1,nan\n", "finite"),
-        ("freq_hz,upper\n2,1\n1,1\n", "line 3: .*ascending"),
-        ("freq_hz,upper\n-1,1\n", "not below zero"),
-        ("freq_hz,upper\n1,-1\n", "magnitude not below zero"),
-        ("freq_hz,re_1_1\n1,1\n", "im_1_1 is missing"),
-        ("freq_hz,re_a_1\n1,1\n", "re_OUT_IN"),
-        ("freq_hz;upper\n0,1;1\n0.2;1\n", "decimal points, got a comma in line 2 and a point in line 3"),
-        ("freq_hz;upper\n0,1;1.000,5\n", "decimal commas or decimal points"),
-        ("freq_hz,upper\n0,1,8,5\n", "expected 2 values, got 4; decimal commas need semicolons"),
-        ("freq_hz;upper\n0,1;1,2,3\n", "line 2: expected a number in 'upper', got '1.2.3'"),
-        ("freq_hz,re_1_1,im_1_1,re_1_1\n1,1,1,1\n", "line 1: column 're_1_1' is there twice"),
-        ("freq_hz;upper;lower;upper\n0,1;8;1;2\n", "line 1: column 'upper' is there twice"),
-        ("freq_hz,re_1_1,im_1_1,re_999999_999999\n1,1,1,1\n", "re_1_2 is missing"),
-    ],
-)
-def test_malformed_file_is_refused_with_its_place(tmp_path, text, message):
-    with pytest.raises(ValueError, match=message):
-        bc.read_frequency_response(written(tmp_path, text))
+MALFORMED = r"""
+"" -> expected a line of column names
+"freq,upper\n1,2" -> freq_hz
+"freq_hz,upper\n1" -> line 2: expected 2 values
+"freq_hz,upper\n1,x" -> line 2: expected a number in 'upper', got 'x'
+"freq_hz,upper\n1,nan" -> finite
+"freq_hz,upper\n2,1\n1,1" -> line 3: .*ascending
+"freq_hz,upper\n-1,1" -> not below zero
+"freq_hz,upper\n1,-1" -> magnitude not below zero
+"freq_hz,re_1_1\n1,1" -> im_1_1 is missing
+"freq_hz,re_a_1\n1,1" -> re_OUT_IN
+"freq_hz;upper\n0,1;1\n0.2;1" -> decimal points, got a comma in line 2 and a point in line 3
+"freq_hz;upper\n0,1;1.000,5" -> decimal commas or decimal points
+"freq_hz,upper\n0,1,8,5" -> expected 2 values, got 4; decimal commas need semicolons
+"freq_hz;upper\n0,1;1,2,3" -> line 2: expected a number in 'upper', got '1.2.3'
+"freq_hz,re_1_1,im_1_1,re_1_1\n1,1,1,1" -> line 1: column 're_1_1' is there twice
+"freq_hz;upper;lower;upper\n0,1;8;1;2" -> line 1: column 'upper' is there twice
+"freq_hz,re_1_1,im_1_1,re_999999_999999\n1,1,1,1" -> re_1_2 is missing
+# columns that are no magnitudes, however they are spelled and wherever the word stands
+"freq_hz;lower;upper_phase\n0.1;8;1" -> line 1: .*the name of a phase;
+"freq_hz;lower;DEG\n0.1;8;1" -> line 1: .*the name of a phase;
+"freq_hz;lower;Phi(tip\n0.1;8;1" -> line 1: .*the name of a phase;
+"freq_hz;lower;yaw angle dB\n0.1;8;1" -> line 1: .*the name of decibels;
+"freq_hz;lower;magdb-1\n0.1;8;1" -> line 1: .*the name of decibels;
+"freq_hz;lower;Real[mag\n0.1;8;1" -> line 1: .*the name of a part of complex numbers;
+"freq_hz;lower;sigma1/IM\n0.1;8;1" -> line 1: .*the name of a part of complex numbers;
+"freq_hz;lower;coherence\n0.1;8;1" -> line 1: .*the name of a coherence;
+"""
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [
-        ("upper_phase", "a phase"),
-        ("DEG", "a phase"),
-        ("Phi(tip", "a phase"),
-        ("yaw angle dB", "decibels"),
-        ("magdb-1", "decibels"),
-        ("Real[mag", "a part of complex numbers"),
-        ("sigma1/IM", "a part of complex numbers"),
-        ("coherence", "a coherence"),
-    ],
-)
-def test_columns_that_are_no_magnitudes_are_refused(tmp_path, name, words):
-    """However they are spelled and wherever the word stands."""
-    with pytest.raises(ValueError, match=rf"line 1: .*(the name of {words};|re_OUT_IN and im_OUT_IN)"):
-        bc.read_frequency_response(written(tmp_path, f"freq_hz;lower;{name}\n0.1;8;1\n0.2;9;1\n"))
+@refusals(MALFORMED)
+def test_malformed_file_is_refused_with_its_place(tmp_path, call, words):
+    assert_refused(f"bc.read_frequency_response(written(tmp_path, {call}))", words, globals() | locals())
 
 
 def test_names_that_begin_like_no_magnitudes_are_read(tmp_path):

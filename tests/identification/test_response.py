@@ -13,6 +13,7 @@ import boomctl as bc
 from boomctl.identification.record import Record
 from boomctl.identification.response import _intersample_of_outputs, with_intersample
 from tests.identification.chain import response_of_record, three_masses
+from tests.refusals import assert_refused, refusals
 
 STEP = 0.02
 
@@ -263,54 +264,38 @@ def test_intersample_of_measured_records_is_determined(file, expected):
     assert with_intersample(record, 0.5 / record.step).intersample == expected
 
 
-def wave(**changed):
-    t = STEP * np.arange(500)
-    rng = np.random.default_rng(0)
-    given = {
-        "inputs": {"f": rng.standard_normal(500)},
-        "outputs": {"y": np.sin(t) + 0.1 * rng.standard_normal(500)},
-        "sample_time": STEP,
-    }
-    return {**given, **changed}
+def record(**changed):
+    """Estimate a response of a record of which something is changed."""
+    return bc.estimate_frequency_response(**{"inputs": {"f": F}, "outputs": {"y": Y}, "sample_time": STEP} | changed)
 
 
-Y = wave()["outputs"]["y"]
-F = wave()["inputs"]["f"]
-BAD = {
-    "unlike lengths": ({"outputs": Y[:-1]}, "outputs: expected 500 samples, as inputs has, got 499"),
-    "names of unlike lengths": ({"outputs": {"y": Y, "z": Y[1:]}}, "outputs: expected 500 samples of 'z', got 499"),
-    "constant": ({"inputs": np.ones(500)}, "inputs: expected signals that move, got 'in_1' constant at 1"),
-    "a gap": (
-        {"inputs": np.r_[F[:200], np.zeros(100), F[300:]], "outputs": np.r_[Y[:200], np.zeros(100), Y[300:]]},
-        "expected no gap, but every signal is constant from 4 to 5.98 s",
-    ),
-    "saturated": ({"outputs": np.minimum(Y, 0.8)}, "got 'out_1' saturated: .* samples at 0.8"),
-    "together": ({"inputs": np.column_stack([F, -2.0 * F])}, "linearly dependent inputs cannot be separated"),
-    "too short": ({"inputs": F[:20], "outputs": Y[:20]}, "expected at least 32 samples, got 20"),
-    "short for the inputs": (
-        {"inputs": np.random.default_rng(1).standard_normal((50, 6)), "outputs": Y[:50]},
-        "expected records of at least 64 samples for 6 inputs, got 50",
-    ),
-    "transposed": ({"inputs": F[None, :]}, r"expected a row a sample, got shape \(1, 500\); is it transposed"),
-    "beyond half the rate": ({"frequency_range_hz": (1.0, 30.0)}, "frequency_range_hz = .*: expected at most 25 Hz"),
-    "descending": (
-        {"frequency_range_hz": (2.0, 1.0)},
-        "frequency_range_hz = .*: expected frequencies not below zero that ascend",
-    ),
-    "quantity of none": ({"quantity": {"x": "velocity"}}, "unknown output in quantity 'x'"),
-    "one name twice": ({"outputs": {"f": Y}}, "outputs: 'f' is the name of an input too"),
-    "period of parts": ({"period": 0.031}, "period = 0.031: expected a whole number of samples"),
-    "one period": ({"period": 6.0}, "expected at least two periods in each record, got 1"),
-    "unlike records": ({"outputs": [np.c_[Y], np.c_[Y]]}, "outputs: expected as many records as inputs has, 1, got 2"),
-    "two ways": ({"period": 2.0, "resolution_hz": 0.5}, "`resolution_hz` must be None with a period"),
-}
+RNG, T = np.random.default_rng(0), STEP * np.arange(500)
+F, Y, GAP = RNG.standard_normal(500), np.sin(T) + 0.1 * RNG.standard_normal(500), (T < 4.0) | (T >= 6.0)
+BAD = r"""
+record(outputs=Y[:-1]) -> outputs: expected 500 samples, as inputs has, got 499
+record(outputs={"y": Y, "z": Y[1:]}) -> outputs: expected 500 samples of 'z', got 499
+record(inputs=np.ones(500)) -> inputs: expected signals that move, got 'in_1' constant at 1
+record(inputs=F * GAP, outputs=Y * GAP) -> expected no gap, but every signal is constant from 4 to 5.98 s
+record(outputs=np.minimum(Y, 0.8)) -> got 'out_1' saturated: .* samples at 0.8
+record(inputs=np.column_stack([F, -2.0 * F])) -> linearly dependent inputs cannot be separated
+record(inputs=F[:20], outputs=Y[:20]) -> expected at least 32 samples, got 20
+record(inputs=np.random.default_rng(1).standard_normal((50, 6)), outputs=Y[:50])
+    -> expected records of at least 64 samples for 6 inputs, got 50
+record(inputs=F[None, :]) -> expected a row a sample, got shape \(1, 500\); is it transposed
+record(frequency_range_hz=(1.0, 30.0)) -> frequency_range_hz = .*: expected at most 25 Hz
+record(frequency_range_hz=(2.0, 1.0)) -> frequency_range_hz = .*: expected frequencies not below zero that ascend
+record(quantity={"x": "velocity"}) -> unknown output in quantity 'x'
+record(outputs={"f": Y}) -> outputs: 'f' is the name of an input too
+record(period=0.031) -> period = 0.031: expected a whole number of samples
+record(period=6.0) -> expected at least two periods in each record, got 1
+record(outputs=[np.c_[Y], np.c_[Y]]) -> outputs: expected as many records as inputs has, 1, got 2
+record(period=2.0, resolution_hz=0.5) -> `resolution_hz` must be None with a period
+"""
 
 
-@pytest.mark.parametrize(("changed", "said"), BAD.values(), ids=BAD.keys())
-def test_bad_records_are_refused_in_one_line(changed, said):
-    with pytest.raises(ValueError, match=said) as refused:
-        bc.estimate_frequency_response(**wave(**changed))
-    assert "\n" not in str(refused.value)
+@refusals(BAD)
+def test_bad_records_are_refused_in_one_line(call, words):
+    assert_refused(call, words, globals())
 
 
 def test_coarse_and_binary_signals_accepted():

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from tests.profiles import examples
+from tests.refusals import assert_refused, refusals
 from tests.strategies import seeds
 
 pytest.importorskip("pyuff", reason="universal files come with the extra uff")
@@ -111,26 +112,25 @@ def entry(out=1, into=2, freq=FREQ, values=(1.0, 1j), **labels):
     return data_set(out, into, np.array(values), freq, **labels)
 
 
-@pytest.mark.parametrize(
-    ("sets", "words"),
-    [
-        ([entry(unit="mm/s2")], "data set 1: expected SI units and frequencies in Hz, got the unit 'mm/s2'"),
-        ([entry(unit="in/lbf")], "got the unit 'in/lbf'"),
-        ([entry(hertz="rad/s")], "got the unit 'rad/s'"),
-        ([units("1000.0"), ONE], r"unit of length is 1/1000 of that \(data set 164\)"),
-        ([ONE, entry(3, 4)], r"response of 1\+y to 4-z is missing"),
-        ([ONE, ONE], "data set 2: .* is there twice"),
-        ([ONE, entry(3, freq=3.0 * FREQ)], "data set 2: .*freq"),
-        ([entry(values=(1.0, 2.0))], "complex frequency response, got real"),
-        ([entry(function=1)], "with frequency responses, got data sets 58"),
-        ([entry(freq=FREQ[::-1])], "ascending"),
-        ([["freq_hz,upper", "1,2"]], r"shaker\.uff"),
-        ([[MARK, "    58", "rubbish", MARK]], r"shaker\.uff: not a universal file"),
-    ],
-)
-def test_universal_file_without_response_is_refused(tmp_path, sets, words):
-    with pytest.raises(ValueError, match=words):
-        bc.read_frequency_response(written(tmp_path / "shaker.uff", sets))
+WITHOUT_RESPONSE = r"""
+[entry(unit="mm/s2")] -> data set 1: expected SI units and frequencies in Hz, got the unit 'mm/s2'
+[entry(unit="in/lbf")] -> got the unit 'in/lbf'
+[entry(hertz="rad/s")] -> got the unit 'rad/s'
+[units("1000.0"), ONE] -> unit of length is 1/1000 of that \(data set 164\)
+[ONE, entry(3, 4)] -> response of 1\+y to 4-z is missing
+[ONE, ONE] -> data set 2: .* is there twice
+[ONE, entry(3, freq=3.0 * FREQ)] -> data set 2: .*freq
+[entry(values=(1.0, 2.0))] -> complex frequency response, got real
+[entry(function=1)] -> with frequency responses, got data sets 58
+[entry(freq=FREQ[::-1])] -> ascending
+[["freq_hz,upper", "1,2"]] -> shaker\.uff
+[[MARK, "    58", "rubbish", MARK]] -> shaker\.uff: not a universal file
+"""
+
+
+@refusals(WITHOUT_RESPONSE)
+def test_universal_file_without_response_is_refused(tmp_path, call, words):
+    assert_refused(f"bc.read_frequency_response(written(tmp_path / 'shaker.uff', {call}))", words, globals() | locals())
 
 
 @pytest.mark.parametrize(

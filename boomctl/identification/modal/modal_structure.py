@@ -110,20 +110,6 @@ def modal_structure(
     return SecondOrderModel.of(structure, replace(Ports.of_forces(tuple(inputs), forces, tuple(outputs), L), E=E))
 
 
-def names_of_coordinate(name: str) -> tuple[str, tuple[int, ...]]:
-    """Return the kind of poles of a coordinate, "mode" or "real_pole" if they are parameters, and their numbers from zero."""
-    base = name.partition(".")[0]
-    for kind in ("mode", "real_pole"):
-        if base.startswith(f"{kind}_"):
-            return kind, tuple(int(number) - 1 for number in base[len(kind) + 1 :].split("_"))
-    return "", ()
-
-
-def stiffness_and_damping(first: float, second: float) -> tuple[float, float]:
-    """Return the stiffness and the damping of a coordinate of mass one with two real poles of these rates [rad/s]."""
-    return first * second, first + second
-
-
 def _of_pair(name: str, pole: complex, b: Array, c: Array) -> list[_Coordinate]:
     """Return the coordinate of a pair of poles; two if ``b`` is not real up to a factor."""
     turn = np.exp(-0.5j * np.angle(np.square(b).sum()))  # the real and the imaginary part are then orthogonal
@@ -170,8 +156,7 @@ def _of_dyads(first: Dyad, second: Dyad | None, typical: float) -> _Coordinate:
     else:
         name, other = f"real_pole_{number}_{second[0]}", second[1]
         offset = second[3] * (force @ second[2])
-    K, C = stiffness_and_damping(rate, other)
-    return _Coordinate(name, K, C, force, np.array([row * other + offset * rate, row + offset]))
+    return _Coordinate(name, rate * other, rate + other, force, np.array([row * other + offset * rate, row + offset]))
 
 
 def _dyads(residue: Array) -> list[tuple[Array, Array]]:
@@ -192,9 +177,8 @@ def _parallel(first: Dyad, second: Dyad) -> bool:
 
 def _numbered(coordinates: list[_Coordinate]) -> list[_Coordinate]:
     """Return the coordinates with different names."""
-    counts: dict[str, int] = {}
-    result = []
+    result: list[_Coordinate] = []
     for item in coordinates:
-        counts[item.name] = counts.get(item.name, 0) + 1
-        result.append(item if counts[item.name] == 1 else replace(item, name=f"{item.name}.{counts[item.name]}"))
+        before = sum(other.name.partition(".")[0] == item.name for other in result)
+        result.append(replace(item, name=f"{item.name}.{before + 1}") if before else item)
     return result
