@@ -112,14 +112,10 @@ def _companions(entries: list[tuple[Array, Array]], shape: tuple[int, int]) -> t
 
 def _minimal(A: Array, B: Array, C: Array) -> tuple[Array, Array, Array]:
     """Return a minimal realization of a system; unchanged if it is minimal already."""
-    import slycot
+    from boomctl.lti.python_control import control
 
-    n, m, p = len(A), B.shape[1], len(C)
-    if not n:
-        return A, B, C
-    padded = np.pad(B, ((0, 0), (0, max(p - m, 0)))), np.pad(C, ((0, max(m - p, 0)), (0, 0)))
-    a, b, c, order = slycot.tb01pd(n, m, p, A.copy(), *padded, tol=0.0)
-    return (a[:order, :order], b[:order, :m], c[:p, :order]) if order < n else (A, B, C)
+    small = control.StateSpace(A, B, C, 0.0, remove_useless_states=False).minreal()
+    return (small.A, small.B, small.C) if small.nstates < len(A) else (A, B, C)
 
 
 def _signal_scales(sizes: Array) -> tuple[Array, Array]:
