@@ -20,8 +20,7 @@ import numpy as np
 
 from boomctl.analysis.sigma import matrices
 from boomctl.arrays import Array
-from boomctl.lti.integrators import without_integrators
-from boomctl.lti.modal import diagonalized, sides, transmission_zeros
+from boomctl.lti.modal import diagonalized, sides, transmission_zeros, without_integrators
 from boomctl.lti.rounding import TINY
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import DataFrame, between, count, data_frame, table_html

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
-from boomctl.lti.integrators import without_integrators
-from boomctl.lti.modal import block_diagonal, spectral_parts, split
+from boomctl.lti.modal import block_diagonal, spectral_parts, split, without_integrators
 from boomctl.lti.system import Lti
 from tests.profiles import examples
 from tests.strategies import seeds
