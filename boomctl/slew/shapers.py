@@ -194,11 +194,8 @@ def rest_to_rest_torque(
     if turn == 0.0:
         raise ValueError("angle = 0: expected a turn that leads somewhere")
     sign = math.copysign(1.0, angle)
-    if profile == "bang-bang":
-        T = 2.0 * math.sqrt(turn * positive("inertia", inertia) / limit)
-        edges, values = np.array([0.0, 0.5 * T, T]), np.array([1.0, -1.0])
-    elif profile == "smoothed":
-        edges, values = _smoothed()
+    if profile != "versine":
+        edges, values = _smoothed() if profile == "smoothed" else (np.array([0.0, 0.5, 1.0]), np.array([1.0, -1.0]))
         T = math.sqrt(turn * positive("inertia", inertia) / (limit * _turned(edges, values)))
         edges = T * edges
     else:

@@ -31,9 +31,10 @@ def beam(modes=1, **more):
     return turned(h, **{"torque_limit": 200.0, "objective": "time"} | more)
 
 
-def single(C=((1.0, 0.0),), A=((0.0, 1.0), (0.0, 0.0)), D=0.0, dt=0):
+def single(C=((1.0, 0.0),), A=((0.0, 1.0), (0.0, 0.0)), D=0.0, dt=0, final_state=None):
     """A system of other matrices than a slew takes."""
-    return bc.optimal_slew(control.ss(A, np.eye(len(A))[:, [1]], C, D, dt), 1.0, 1.0)
+    system = control.ss(A, np.eye(len(A))[:, [1]], C, D, dt)
+    return bc.optimal_slew(system, None if final_state else 1.0, 1.0, final_state=final_state)
 
 
 @cache

@@ -82,11 +82,17 @@ def least_time(problem: SlewProblem) -> Extremal:
     """
     first = rigid_and_slowest(problem)
     guess = problem.rigid_time if first is None else first.duration
-    extremal = _fastest(problem, guess)
+    extremal, feasible = _fastest(problem, guess)
+    if not feasible:
+        limit = problem.plants[0].with_unit("torque", f"{problem.limits.torque:g}")
+        raise SlewError(
+            f"torque_limit = {limit}: no duration was found in which a torque within it leads to the end state; expected a"
+            " larger one, or a start and an end nearer to rest"
+        )
     # where the number of arcs changes, no grid resolves it; a slightly different torque limit may
     for factor in _LIMIT_FACTORS if extremal is None else ():
         limits = replace(problem.limits, torque=factor * problem.limits.torque)
-        near = _fastest(replace(problem, limits=limits), guess)
+        near, _ = _fastest(replace(problem, limits=limits), guess)
         if near is not None:
             near = replace(near, limit=problem.limits.torque)
             extremal = _agreeing(problem, _newton(problem, _fitted(problem, near)))
@@ -102,21 +108,24 @@ def time_gap(problem: SlewProblem, extremal: Extremal) -> float:
     return min(1.0, max(1.0 - lower_bound(problem, extremal) / extremal.duration, misfit(problem, extremal)))
 
 
-def _fastest(problem: SlewProblem, guess: float) -> Extremal | None:
+def _fastest(problem: SlewProblem, guess: float) -> tuple[Extremal | None, bool]:
     """Compute the least time from a guess of it [s], started by reweighted least squares on a grid or linear programs.
 
-    The result is verified by the convergence of Newton's method and the signs of the switching function.
+    The result is verified by the convergence of Newton's method and the signs of the switching function. Also return whether
+    the end can be reached on a grid.
     """
+    feasible = False
     grids = _GRIDS if problem.waits else _GRIDS[:1]
     for intervals, least_sum in ((_GRIDS[0], _reweighted), *((count, _programmed) for count in grids)):
         if problem.fastest_vibration * guess / intervals > _BLIND and intervals != _GRIDS[-1]:
             continue
         first = _on_grid(problem, guess, intervals, least_sum)
         if first is not None:
-            guess, extremal = first.duration, _agreeing(problem, _newton(problem, first))
+            guess, feasible = first.duration, True
+            extremal = _agreeing(problem, _newton(problem, first))
             if extremal is not None:
-                return extremal
-    return None
+                return extremal, True
+    return None, feasible
 
 
 _LeastSum: TypeAlias = Callable[[Array, Array, Array], tuple[Array, Array] | None]

@@ -28,7 +28,6 @@ _OPTIONS = {
     "ipopt.constr_viol_tol": 1e-10,  # scaled; the replay error is then that of the scheme, not of IPOPT
     "ipopt.acceptable_iter": 0,  # do not accept results at the acceptable level
     "ipopt.bound_relax_factor": 0.0,  # the torque limit holds exactly
-    "ipopt.honor_original_bounds": "yes",
     "ipopt.max_iter": 500,  # if exceeded, the next finer mesh is used
     "ipopt.nlp_scaling_method": "none",  # the transcription scales
     "ipopt.mu_strategy": "adaptive",
@@ -36,7 +35,6 @@ _OPTIONS = {
     # iterations
     "ipopt.mumps_pivot_order": 0,
     "ipopt.mumps_pivtol": 1e-4,
-    "ipopt.fixed_variable_treatment": "make_parameter",
     "ipopt.warm_start_init_point": "yes",
     "ipopt.warm_start_bound_push": 1e-6,  # warm starts are near the solution and are shifted little
     "ipopt.warm_start_mult_bound_push": 1e-6,

@@ -88,15 +88,12 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
 
 def _gap(candidate: Candidate, other: Candidate) -> float:
     """Return the relative change of the cost of a nonlinear program."""
-    assert candidate.solution is not None
-    assert other.solution is not None
     return abs(candidate.solution.cost - other.solution.cost) / max(abs(candidate.solution.cost), 1e-300)
 
 
 def _compared(problem: SlewProblem, candidate: Candidate) -> Candidate:
     """Set the gap to the change of the cost on a mesh half as fine, or twice as fine if that has no solution."""
     intervals = candidate.history.start_values.size
-    assert candidate.program is not None
     points = candidate.program.points
     # with fewer than two intervals per end condition no unknowns would remain free
     halved = [(intervals // 2, min(points + 1, _HIGHEST))] if intervals >= 4 * problem.ends.shape[0] else []
@@ -120,7 +117,6 @@ def _rough(problem: SlewProblem, first: TorqueProfile, intervals: int, points: i
 def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
     """Add points and tighten the limits until a replay satisfies the end and the limits between the nodes too."""
     candidate, intervals = rough, rough.history.start_values.size
-    assert candidate.program is not None
     for points in range(candidate.program.points, _HIGHEST + 1):
         if points > candidate.program.points:
             candidate = _rough(problem, candidate.history, intervals, points)
@@ -151,7 +147,5 @@ def within_limits(problem: SlewProblem, candidate: Candidate) -> Candidate:
         if worst <= ALIKE or prescribed_error(problem, motions) > problem.rtol:
             return replace(candidate, motions=motions)
         limits = limits.tightened(excess)
-        assert candidate.program is not None
-        assert candidate.solution is not None
         candidate = solved(problem, candidate.program, candidate.solution, limits)
     raise SlewError(f"intervals: on this mesh a limit is exceeded by {worst:.1e}; more intervals may help")
