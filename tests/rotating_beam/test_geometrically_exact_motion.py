@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
 import boomctl as bc
 from boomctl.maneuvers import free_hub, sine_torque, spin_up
 from boomctl.rotating_beam import HubBeamParameters
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from tests.profiles import examples
-from tests.rotating_beam.chain import chain_tip
 from tests.rotating_beam.exact_cases import BAI, LOADED, SIMO
 
 # -- small motion -----------------------------------------------------------------------------------------------------
@@ -134,3 +134,31 @@ def test_motion_too_short_for_its_first_steps_is_refined(seed):
     jerk = bc.maneuvers.prescribed_motion(lambda t: 0.5 * pull * t**2, lambda t: pull * t, lambda t: pull + 0.0 * t)
     time = np.linspace(0.0, 0.15 / beam.eigenfrequencies_hz()[0], 8)
     assert beam.simulate(jerk, time, rtol=1e-8, atol=1e-13).n_steps > beam.simulate(jerk, time, rtol=1e-2).n_steps
+
+
+def chain_tip(p, motion, times, links):
+    """Return where the free end is across the hub, its motion prescribed; inextensible, of second order in the links.
+
+    Masses stand at the joints, half a link's at the free end; springs bend between links, the first to the clamp with half
+    a link. Unknowns are the links' angles against the hub, and their rates in fixed axes.
+    """
+    length = p.length / links
+    masses = np.full(links, p.mass_per_length * length)
+    masses[-1] = 0.5 * masses[-1] + p.tip_mass
+    beyond = np.cumsum(masses[::-1])[::-1]
+    kernel, hub = length**2 * np.minimum.outer(beyond, beyond), p.hub_radius * length * beyond
+    springs = np.full(links, p.bending_stiffness / length)
+    springs[0] *= 2.0
+    bending = np.diag(springs + np.append(springs[1:], 0.0)) - np.diag(springs[1:], 1) - np.diag(springs[1:], -1)
+
+    def rate(t, y):
+        bent, turning = y[:links], y[links:]
+        speed, acceleration = float(motion.speed(t)), float(motion.acceleration(t))
+        apart = bent[:, None] - bent
+        force = -(kernel * np.sin(apart)) @ turning**2 - bending @ bent
+        force -= hub * (np.cos(bent) * acceleration + np.sin(bent) * speed**2)
+        return np.concatenate([turning - speed, np.linalg.solve(kernel * np.cos(apart), force)])
+
+    start = np.concatenate([np.zeros(links), np.full(links, float(motion.speed(0.0)))])
+    found = solve_ivp(rate, (0.0, times[-1]), start, method="Radau", t_eval=times, rtol=1e-6, atol=1e-7)
+    return length * np.sin(found.y[:links]).sum(axis=0)

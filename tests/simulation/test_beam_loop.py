@@ -1,10 +1,19 @@
 """The hub-beam in a sampled loop: brute force, the linear limit, conservation, kinematics, refusals."""
 
+import math
+
+import casadi as ca
 import control as ct
+import mpmath
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import boomctl as bc
+from boomctl.simulation.machine.exponential_step import stumpff
+from boomctl.simulation.machine.run import BLOCK, at_columns
+from tests.profiles import examples
 from tests.simulation.beam_reference import ATOL, accelerations, brute_force
 from tests.simulation.cases import conditioning_gain
 
@@ -246,3 +255,24 @@ def test_the_linear_model_with_sensors_holds_the_one_without(model):
         if not speed:
             reach = beam.parameters.hub_radius + beam.parameters.length
             assert mobility[1, 0] + reach * mobility[0, 0] == pytest.approx(mobility[0, 1], rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [1, BLOCK + 1])
+def test_at_columns_sparse_function_equals_plain_call(count):
+    x, sparse = ca.SX.sym("x", 3), ca.SX(4, 1)
+    sparse[0], sparse[2] = x[0] * x[1], ca.sin(x[2])
+    function = ca.Function("some", [x], [ca.sumsqr(x), sparse])
+    given = np.random.default_rng(count).normal(size=(3, count))
+    for found, wanted in zip(at_columns(function, given), function(given), strict=True):
+        np.testing.assert_array_equal(found, np.array(ca.densify(wanted)))
+
+
+@examples(60)
+@given(st.floats(1e-8, 1e4))
+def test_stumpff_functions(y):
+    values = [float(item) for item in stumpff(np.array(y))]
+    with mpmath.workdps(40):
+        for k, value in enumerate(values, start=1):
+            exact = mpmath.hyper([1], [mpmath.mpf(k + 1) / 2, mpmath.mpf(k + 2) / 2], -mpmath.mpf(y) / 4)
+            # away from 0 the functions oscillate about 1/y: that is the size to compare with
+            assert value == pytest.approx(float(exact / math.factorial(k)), rel=1e-12, abs=1e-14 / max(1.0, y))
