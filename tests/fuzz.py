@@ -14,6 +14,7 @@ from fractions import Fraction
 from functools import cache
 from pathlib import Path
 
+import control
 import numpy as np
 from hypothesis import strategies as st
 
@@ -33,62 +34,20 @@ class Hung(BaseException):
     """A call took longer than LONGEST; no clause of ours catches it."""
 
 
-def system(A=((0.0, 1.0), (-1.0, -0.1)), B=((0.0,), (1.0,)), C=((1.0, 0.0),), D=0.0, dt=0):
-    import control
-
-    inputs, outputs = [f"u{i}" for i in range(np.shape(B)[1])], [f"y{i}" for i in range(np.shape(C)[0])]
-    return control.ss(A, B, C, D, dt, inputs=inputs, outputs=outputs)
-
-
 @cache
 def plant():
-    return system(B=((0.0, 0.0), (1.0, 1.0)))
+    A, B = [[0.0, 1.0], [-1.0, -0.1]], [[0.0, 0.0], [1.0, 1.0]]
+    return control.ss(A, B, [[1.0, 0.0]], 0.0, inputs=["u0", "u1"], outputs="y0")
 
 
 @cache
-def gain(inputs, outputs, values=-10.0, dt=None):
-    """Return a controller that is a matrix of numbers."""
-    import control
-
-    return control.ss(
-        [], [], [], [values] if isinstance(values, tuple) else [[values]], dt, inputs=inputs, outputs=outputs
-    )
-
-
-@cache
-def controller(dt=0.0, pole=-5.0):
-    import control
-
-    return control.ss([[pole]], [[1.0]], [[-0.1]], 0.0, dt, inputs=["y0"], outputs=["u0"])
-
-
-@cache
-def generalized():
-    return system(
-        B=((0.0, 0.0, 0.0), (1.0, 0.0, 1.0)),
-        C=((1.0, 0.0), (0.0, 0.0), (1.0, 0.0)),
-        D=((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 0.0)),
-    )
+def controller(dt=0.0):
+    return control.ss(-5.0, 1.0, -0.1, 0.0, dt, inputs="y0", outputs="u0")
 
 
 @cache
 def beam():
     return bc.hub_beam(modes=1)
-
-
-@cache
-def tracked_run():
-    return one.tracked().simulate()
-
-
-@cache
-def turning():
-    return beam().family((0.0, 1.0))
-
-
-@cache
-def scheduled():
-    return bc.gain_schedule([controller(), controller()], [0.0, 1.0], "y0")
 
 
 def points():
@@ -121,7 +80,7 @@ BESIDE = {
     "write_controller": lambda: {"controller": controller(0.01), "path": "/nowhere/k.json"},
     "boom.write_motion": lambda: {"path": Path("/nowhere/motion.csv"), "motion": one.motion()},
     "structure.AffineFamily": lambda: fields_of(one.family()),
-    "structure.PolynomialFamily": lambda: fields_of(turning()),
+    "structure.PolynomialFamily": lambda: fields_of(beam().family((0.0, 1.0))),
     "structure.Point": lambda: {"body": points()[0], "x": 0.0, "y": 0.0},
     **dict.fromkeys(("step", "impulse"), lambda: {"timepts": _TIMES}),
     "bode": lambda: {"omega": [0.5, 2.0]},
@@ -183,7 +142,9 @@ METHODS = {
         lambda: bc,
         lambda: {
             "plant": beam(),
-            "controller": gain(("hub_angle", "hub_speed"), "torque", (-80.0, -200.0), 0.01),
+            "controller": control.ss(
+                [], [], [], [[-80.0, -200.0]], 0.01, inputs=["hub_angle", "hub_speed"], outputs="torque"
+            ),
             "disturbances": {"tip_force": np.sin(_TIMES)},
             "timepts": _TIMES,
             "sample_time": 0.01,
@@ -202,14 +163,14 @@ METHODS = {
     "HubBeam.with_model": (beam, lambda: {"model": "tlam", "modes": 2}),
     "HubBeam.family": (beam, lambda: {"hub_speed": (0.0, 1.0), "tip_mass": (0.0, 0.1)}),
     "HubBeam.deformed_shape": (beam, lambda: {"states": np.zeros(4)}),
-    "ScheduledController.at": (scheduled, lambda: {"value": 0.5}),
-    "ScheduledController.to_nlsys": (scheduled, dict),
+    "ScheduledController.at": (one.drive, lambda: {"value": 0.5}),
+    "ScheduledController.to_nlsys": (one.drive, dict),
     "SlewResult.track": (one.slew, lambda: {"sample_time": 0.05, "dwell_time": 0.2, "disturbance": 5.0}),
     "TrackedSlew.monte_carlo": (
         one.tracked,
         lambda: {"runs": 2, "tip_mass": 0.1, "stiffness": 0.1, "friction": 1.0, "rtol": 1e-4, "atol": 1e-6},
     ),
-    "TrackedSlew.residual_vibration": (one.tracked, lambda: {"run": tracked_run()}),
+    "TrackedSlew.residual_vibration": (one.tracked, lambda: {"run": one.tracked().simulate()}),
     "Assembly.Beam.at": (lambda: bs.Beam(**arguments_of("structure.Beam")), lambda: {"s": 0.5}),
     "Assembly.Beam.at_point": (lambda: bs.Beam(**arguments_of("structure.Beam")), lambda: {"x": 0.5}),
     "Track.heights": (one.track, lambda: {"distance": [1.0]}),
@@ -281,8 +242,6 @@ def arguments_of(name):
 
 @cache
 def _systems():
-    import control
-
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         broken = control.ss([[np.nan]], [[1.0]], [[1.0]], 0.0)
@@ -291,7 +250,8 @@ def _systems():
     ]
     unmoved = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [0.0]], [[0.0, 0.0]], 0.0)
     others = [broken, unmoved, control.tf([1.0], [1.0, 1.0]), control.frd([1.0, 2.0], [1.0, 2.0])]
-    return [plant(), controller(), controller(0.01), generalized(), gain("u", "y", 1.0), *scalar, *others]
+    unread = control.ss([], [], [], 1.0, inputs="u", outputs="y")
+    return [plant(), controller(), controller(0.01), one.generalized(), unread, *scalar, *others]
 
 
 @cache
