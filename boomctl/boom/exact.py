@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -93,14 +94,9 @@ def exact_frequency_response(
     known("excitation", excitation, (*MOTIONS, "force"))
     model = exact_boom(parameters, excitation)
     ins, outs = some_names("input", inputs, model.ports.inputs), some_names("output", outputs, model.ports.outputs)
-    response = model.prepared(ins, outs).at(grid)
-    integrations = MOTIONS.index(excitation) if excitation in MOTIONS else 0
-    if integrations:
-        if (grid == 0.0).any():
-            raise ValueError(f"omega = 0: the response to an imposed {excitation} is not finite there")
-        for i, name in enumerate(ins):
-            if name in ACTUATORS:
-                response[:, i] /= (1j * grid) ** integrations
+    ports, order = model.ports.select(ins, outs), {"velocity": 1, "acceleration": 2}.get(excitation, 0)
+    ports = replace(ports, integrators=tuple(order if name in ACTUATORS else 0 for name in ins))
+    response = ports.conditioned(1j * grid, model.response(grid, ins, outs))
     from boomctl.lti.python_control import control
 
     return control.frd(response, grid, inputs=list(ins), outputs=list(outs), name="exact boom")

@@ -7,9 +7,9 @@ from typing import Any, Unpack
 
 from boomctl.arrays import Array
 from boomctl.boom.model import boom_discretization, boom_model, checked_nozzles
-from boomctl.boom.parameters import BoomChanges, BoomParameters, boom_parameters
+from boomctl.boom.parameters import BoomChanges, BoomParameters
 from boomctl.checks import known, positive, shown, truth
-from boomctl.parameters import signature_of
+from boomctl.parameters import or_default, signature_of
 from boomctl.structure.displacement_input import MOTIONS
 from boomctl.structure.matrices import check_size
 from boomctl.structure.model import SecondOrderModel
@@ -95,7 +95,7 @@ def spray_boom(
     >>> bc.spray_boom(accuracy=1e-3, max_frequency_hz=10.0).selection.order
     9
     """
-    p = boom_parameters(parameters, changes, signature_of(spray_boom))
+    p = or_default(BoomParameters, "parameters", parameters, changes, signature_of(spray_boom))
     known("excitation", excitation, (*MOTIONS, "force"))
     if truth("reaction_forces", reaction_forces) and excitation == "force":
         raise ValueError("reaction_forces = True: the actuators' forces are inputs where excitation = 'force'")

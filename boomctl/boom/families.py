@@ -12,8 +12,9 @@ from functools import partial
 from typing import Any
 
 from boomctl.boom.factory import spray_boom
-from boomctl.boom.parameters import BoomParameters, boom_parameters
+from boomctl.boom.parameters import BoomParameters
 from boomctl.checks import known, positive
+from boomctl.parameters import or_default
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.threads import one_blas_thread
@@ -99,9 +100,10 @@ def boom_family(
     [0.208]
     [0.275]
     """
+    p = or_default(BoomParameters, "parameters", parameters)
     ranges = {"spring_factor": spring_factor, "mass_factor": mass_factor}
     options = discretization, elements, excitation, accelerometer_bandwidth_hz
-    return family_of(ranges, partial(scaled_boom, boom_parameters(parameters)), subsystem, *options)
+    return family_of(ranges, partial(scaled_boom, p), subsystem, *options)
 
 
 @one_blas_thread
@@ -149,7 +151,7 @@ def yaw_family(
     >>> family.at([1.0]).eigenfrequencies_hz(1).round(3)
     array([0.34])
     """
-    p = boom_parameters(parameters)
+    p = or_default(BoomParameters, "parameters", parameters)
     highest = positive("max_yaw_frequency_hz", max_yaw_frequency_hz)
     stiffest = spring_for_yaw(p, highest, elements, discretization)
     options = discretization, elements, excitation, accelerometer_bandwidth_hz

@@ -1,12 +1,12 @@
 """Parameters of the spray boom."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from math import sqrt
 from typing import Any, TypedDict
 
 from boomctl.checks import exactly, from_on, positive, warn_user, within
-from boomctl.parameters import Parameters, compared_with_defaults, or_default, replaced
+from boomctl.parameters import Parameters, compared_with_defaults, replaced
 
 _LARGEST = 1e15  # Limit on any parameter, SI units: a thousand times the stiffness of diamond in N/m^2.
 # Range of the lowest bending frequency [rad/s]; beyond, double precision does not suffice.
@@ -226,10 +226,3 @@ class BoomParameters(Parameters):
     def tube_inertia(self) -> float:
         """Moment of inertia of the tube alone about its center [kg m^2]."""
         return self.tube_mass * self.length**2 / 12.0
-
-
-def boom_parameters(
-    parameters: BoomParameters | None, changes: Mapping[str, Any] | None = None, other_names: Sequence[str] = ()
-) -> BoomParameters:
-    """Return checked parameters, those of Table 2 for None, with changes by name."""
-    return or_default(BoomParameters, "parameters", parameters, changes, other_names)

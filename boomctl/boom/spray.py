@@ -19,9 +19,10 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.boom.motion import check_even
-from boomctl.boom.parameters import BoomParameters, boom_parameters
+from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.tracks import SPEEDS
 from boomctl.checks import exactly, finite_array, instance, known, nonnegative, positive, within
+from boomctl.parameters import or_default
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -245,7 +246,7 @@ def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 
     >>> bc.nozzle_positions(spacing=2.0)
     array([-5., -3., -1.,  1.,  3.,  5.])
     """
-    length = boom_parameters(parameters).length
+    length = or_default(BoomParameters, "parameters", parameters).length
     count = int(length / within("spacing", spacing, length / _MOST_CELLS, length, "m") + 1e-9)
     return spacing * (np.arange(count) - 0.5 * (count - 1))
 

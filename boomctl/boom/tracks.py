@@ -188,9 +188,9 @@ def road_psd(road_class: str | int, wave_number: ArrayLike) -> Array:
     n = np.asarray(frequencies("wave_number", wave_number))
     if (n == 0.0).any():
         raise ValueError("wave_number: expected values above zero, got 0")
-    letters = dict(zip(ROAD_CLASSES, range(len(ROAD_CLASSES)), strict=True))
-    number = road_class if not isinstance(road_class, str) else letters[known("road_class", road_class, letters)]
-    whole("road_class", number, 0, len(letters) - 1)
+    if isinstance(road_class, str):
+        road_class = ROAD_CLASSES.index(known("road_class", road_class, tuple(ROAD_CLASSES)))
+    number = whole("road_class", road_class, 0, len(ROAD_CLASSES) - 1)
     return 16e-6 * 4.0**number * (n / REFERENCE_WAVE_NUMBER) ** -2
 
 
