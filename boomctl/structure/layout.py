@@ -40,6 +40,19 @@ class Weights:
 
     __repr__ = compact
 
+    def uneven_damping(self) -> tuple[float, Array]:
+        """Return the damping per stiffness that most rows share, and the weights of the damping beyond it.
+
+        Material damping is proportional to stiffness, and dampers are few.  A spring without damping counts as a damper of
+        ``-beta k``.
+        """
+        stiffness, damping = (weight if weight.ndim == 1 else weight.diagonal() for weight in (self.k, self.c))
+        ratios = np.sort(damping[stiffness > 0.0] / stiffness[stiffness > 0.0])
+        beta = float(ratios[len(ratios) // 2]) if len(ratios) else 0.0
+        excess = self.c - beta * self.k
+        size = np.maximum(np.abs(self.c), np.abs(beta * self.k))
+        return beta, np.where(np.abs(excess) > SUMMED * size, excess, 0.0)
+
 
 def weigh(weight: Array, rows: Array) -> Array:
     """Return rows times their weights."""
@@ -96,7 +109,7 @@ class Layout:
         """For each parity the motions ``q = P q_half``, and over them one of each pair of rows; the layout has a mirror."""
         if self.mirror is None:
             raise ValueError("the structure carries no mirror")
-        N, R = (rows[first_of(images)] for rows, images in zip((self.N, self.R), self.images, strict=True))
+        N, R = (rows[first] for rows, (first, _) in zip((self.N, self.R), self.pairs, strict=True))
         result = {}
         for parity in (1, -1):
             P, names = self.mirror.basis(parity), self.mirror.half_coordinates(self.coordinates, parity)
@@ -104,9 +117,9 @@ class Layout:
         return result
 
     @cached_property
-    def images(self) -> tuple[Array, Array]:
-        """Indices of the mirror images of the mass rows and of the elastic rows, their own without a mirror."""
-        return _images(self.N, self.mirror), _images(self.R, self.mirror)
+    def pairs(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+        """Of mass rows and elastic rows the indices of one row of each pair of mirror images, and those of its image."""
+        return _pairs(self.N, self.mirror), _pairs(self.R, self.mirror)
 
 
 @lru_cache(maxsize=4)  # At most 8 MB each.
@@ -117,21 +130,19 @@ def layout_of_matrices(coordinates: tuple[str, ...], mirror: Mirror | None = Non
     return Layout(coordinates, rows, rows, mirror)
 
 
-def first_of(images: Array) -> Array:
-    """Return the indices of one row of each pair of images."""
-    return np.flatnonzero(images >= np.arange(len(images)))
-
-
-def _images(rows: Array, mirror: Mirror | None) -> Array:
-    """Return the index of each row's mirror image, up to sign; its own if there is none to within rounding."""
+def _pairs(rows: Array, mirror: Mirror | None) -> tuple[Array, Array]:
+    """Return indices of one row of each pair of mirror images, up to sign, and of its image: itself if it has no other."""
+    here = np.arange(len(rows))
     if mirror is None:
-        return np.arange(len(rows))
-    size, here, image = np.abs(rows).max(axis=1, initial=0.0), np.arange(len(rows)), np.empty(len(rows), dtype=int)
+        return here, here
+    size, image = np.abs(rows).max(axis=1, initial=0.0), np.empty_like(here)
     motion, reflected = np.abs(rows @ mirror.probe).T
     image[np.argsort(reflected)] = np.argsort(motion)
     pair, reflection = rows[image], rows[:, mirror.partner] * mirror.sign
     off = np.minimum(*(np.abs(reflection + sign * pair).max(axis=1, initial=0.0) for sign in (1.0, -1.0)))
-    return np.where((off <= SUMMED * size) & (image[image] == here), image, here)
+    image = np.where((off <= SUMMED * size) & (image[image] == here), image, here)
+    first = np.flatnonzero(image >= here)
+    return first, image[first]
 
 
 def _gram(rows: Array, weight: Array) -> Array:

@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
-from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, first_of, layout_of_matrices, weigh
+from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, layout_of_matrices, weigh
 from boomctl.structure.outline import Outline, mapped
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
@@ -149,21 +149,18 @@ class Structure:
     @cached_property
     def halves(self) -> "dict[int, tuple[Array, Structure]]":
         """Of a structure with a mirror: the motions of each parity, ``q = P q_half``, and the structure over them."""
-        result, weights = {}, _of_pairs(self.weights, *self.layout.images) if self.has_strains else None
+        result, weights, (mass, elastic) = {}, self.weights, self.layout.pairs
+        if self.has_strains:  # A row stands for its image, too.
+            sums = ((weights.m, mass), (weights.c, elastic), (weights.k, elastic))
+            weights = Weights(*(w[first] + np.where(image == first, 0.0, w[image]) for w, (first, image) in sums))
         for parity, (P, layout) in self.layout.halves.items():
-            names = layout.coordinates
-            half = self.projected(P, names) if weights is None else replace(self, layout=layout, weights=weights)
-            result[parity] = P, replace(half, outline=mapped(self.outline, P, parity))
+            outline = mapped(self.outline, P, parity)
+            if self.has_strains:
+                half = replace(self, layout=layout, weights=weights, outline=outline)
+            else:
+                half = replace(self.projected(P, layout.coordinates), outline=outline)
+            result[parity] = P, half
         return result
-
-
-def _of_pairs(weights: Weights, mass: Array, elastic: Array) -> Weights:
-    """Return the weights of one row of each pair of images, which stands for both."""
-    result = []
-    for weight, images in ((weights.m, mass), (weights.c, elastic), (weights.k, elastic)):
-        first = first_of(images)
-        result.append(weight[first] + np.where(images[first] == first, 0.0, weight[images[first]]))
-    return Weights(*result)
 
 
 @lru_cache(maxsize=CACHE_SIZE)
@@ -176,25 +173,22 @@ def _mirrored(layout: Layout, mirror: Mirror | None) -> Layout:
 Half = tuple[Structure, Ports, Array, Array]
 
 
-def half(structure: Structure, ports: Ports, parity: int) -> Half | None:
-    """Return one subsystem of a structure with its signals; None without a mirror, or if a signal has no image."""
-    mirror = structure.mirror
-    if mirror is None:
-        return None
-    ins, outs = mirror.signals(ports.inputs, parity), mirror.signals(ports.outputs, parity)
-    if ins is None or outs is None:
-        return None
-    P, part = structure.halves[parity]
-    rows = first_of(structure.layout.images[1]) if structure.has_strains else slice(None)
-    return part, ports.mixed(P, ins, outs, rows), ins[0], outs[0]
+def halves(structure: Structure, ports: Ports, empty: bool = False) -> tuple[Half, ...] | None:
+    """Return the symmetric and the antisymmetric subsystem; None without a mirror, or if a signal has no image.
 
-
-def halves(structure: Structure, ports: Ports) -> tuple[Half, ...] | None:
-    """Return the subsystems that have both inputs and outputs, or None if structure or signals do not decouple."""
-    both = half(structure, ports, 1), half(structure, ports, -1)
-    if both[0] is None or both[1] is None:
+    A subsystem without inputs or outputs is omitted, unless ``empty``.
+    """
+    if structure.mirror is None:
         return None
-    return tuple(part for part in both if part is not None and part[2].shape[1] and part[3].shape[1])
+    signals = {k: [structure.mirror.signals(names, k) for names in (ports.inputs, ports.outputs)] for k in (1, -1)}
+    result, rows = [], structure.layout.pairs[1][0] if structure.has_strains else slice(None)
+    for parity, (ins, outs) in signals.items():
+        if ins is None or outs is None:
+            return None
+        if empty or (ins[1] and outs[1]):
+            P, part = structure.halves[parity]
+            result.append((part, ports.mixed(P, ins, outs, rows), ins[0], outs[0]))
+    return tuple(result)
 
 
 def dynamic_stiffness(matrices: tuple[Array, Array, Array], s: Array) -> Array:

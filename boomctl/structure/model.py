@@ -26,7 +26,7 @@ from boomctl.checks import (
 from boomctl.lti.hold import zero_order_hold
 from boomctl.lti.system import Lti
 from boomctl.printing import count, signals
-from boomctl.structure.matrices import Structure, check_size, half, halves
+from boomctl.structure.matrices import Structure, check_size, halves
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.direct import respond
 from boomctl.structure.response.modal_form import COORDINATES, MODES, modal_form, user_state_space
@@ -509,10 +509,11 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     structure = model.structure.mirrored(model.structure.mirror)
     if structure.mirror is None:
         raise ValueError("the model is not symmetric about x = 0 (mesh or machine), so it does not split")
-    jolt, yaw = (half(structure, model.ports, parity) for parity in (1, -1))
-    if jolt is None or yaw is None:
+    parts = halves(structure, model.ports, empty=True)
+    if parts is None:
         raise ValueError(f"inputs {model.input_labels} or outputs {model.output_labels} are not pairs of mirror images")
-    return SecondOrderModel.of(*jolt[:2]), SecondOrderModel.of(*yaw[:2])
+    jolt, yaw = (SecondOrderModel.of(*part[:2]) for part in parts)
+    return jolt, yaw
 
 
 def _square(name: str, value: ArrayLike) -> Array:

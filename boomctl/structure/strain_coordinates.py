@@ -37,8 +37,8 @@ class StrainForm:
         Mass rows, ``M = N^T N``.
     C : (n, n) ndarray
         Damping.
-    rigid : int
-        Number of rigid motions, whose strains are zero to within rounding.
+    strains : int
+        Number of coordinates that are not rigid motions, whose strains are zero to within rounding.
     free : int
         Number of undamped rigid motions, which are the last ones.
     forces : (elastic rows, n) ndarray
@@ -48,23 +48,23 @@ class StrainForm:
     V: Array
     N: Array
     C: Array
-    rigid: int
+    strains: int
     free: int
     forces: Array
 
     @property
-    def strains(self) -> int:
-        """Number of coordinates that are not rigid motions."""
-        return len(self.V) - self.rigid
+    def rigid(self) -> int:
+        """Number of rigid motions."""
+        return len(self.V) - self.strains
 
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
         """Mass, damping and stiffness matrix over these coordinates."""
-        return self.N.T @ self.N, self.C, np.diag(np.repeat([1.0, 0.0], [self.strains, self.rigid]))
+        return self.N.T @ self.N, self.C, np.diag((np.arange(len(self.V)) < self.strains).astype(float))
 
     def ports_matrices(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
-        if self.rigid:
+        if self.strains < len(self.V):
             result = ports.over_motions(self.V, np.arange(self.strains, len(self.V)))
             B, L = result.B, result.L
         else:
@@ -96,13 +96,13 @@ class StrainForm:
 
         Modes too fast to resolve in the presence of rounding have the frequency of that limit.
         """
-        r, n = self.strains, len(self.V)
-        own = np.zeros((n, n))
-        own[r:, : self.rigid] = np.eye(self.rigid)
+        r, rigid = self.strains, len(self.V) - self.strains
+        own = np.zeros_like(self.V)
+        own[r:, :rigid] = np.eye(rigid)
         _, slowness, mixed = np.linalg.svd(self.N[:, :r], full_matrices=False)
         slowness = np.maximum(slowness, EPS * slowness.max(initial=0.0))
-        own[:r, self.rigid :] = mixed.T / slowness
-        return np.concatenate([np.zeros(self.rigid), 1.0 / slowness]), own
+        own[:r, rigid:] = mixed.T / slowness
+        return np.concatenate([np.zeros(rigid), 1.0 / slowness]), own
 
     def poles(self) -> Array:
         """Return all poles, exactly zero for undamped rigid motions; slow poles are accurate to rounding error.
@@ -188,8 +188,9 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     V, Q = np.zeros((n, n)), np.zeros_like(S)
     Q[:, :r] = lapack.dorgqr(T[:, : len(tau)], tau)[0][:, :r]
     V[pivots[:r] - 1, :r] = blas.dtrsm(1.0, T[:r, :r], np.eye(r))
-    V[pivots[:r] - 1, r:] = -V[pivots[:r] - 1, :r] @ T[:r, r:]
-    V[pivots[r:] - 1, r:] = np.eye(n - r)
+    if r < n:
+        V[pivots[:r] - 1, r:] = -V[pivots[:r] - 1, :r] @ T[:r, r:]
+        V[pivots[r:] - 1, r:] = np.eye(n - r)
     V *= column[:, None]
     return V, Q, order, r
 
@@ -214,5 +215,5 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     damped[:, n - free :] = 0.0
     forces = np.zeros_like(R)
     forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
-    N = np.triu(lapack.dgeqrf(inertia @ V)[0][:n])
-    return StrainForm(V, N, Q.T @ (loss[:, None] * Q) + damped.T @ damped, n - r, free, forces)
+    N = np.linalg.qr(inertia @ V, mode="r")
+    return StrainForm(V, N, Q.T @ (loss[:, None] * Q) + damped.T @ damped, r, free, forces)

@@ -9,7 +9,6 @@ from hypothesis import example, given
 
 import boomctl as bc
 from boomctl.structure import FiniteElements, SecondOrderModel, assembly
-from boomctl.structure.damping import uneven_damping
 from boomctl.structure.layout import weigh
 from boomctl.structure.response.direct import respond
 from tests.references import direct
@@ -70,7 +69,7 @@ def test_damping_in_its_parts_is_the_damping(seed):
         (model.structure, R),
         (SecondOrderModel(model.M, model.C, model.K).structure, np.eye(model.ncoordinates)),
     ):
-        beta, excess = uneven_damping(structure)
+        beta, excess = structure.weights.uneven_damping()
         found = beta * model.K + rows.T @ weigh(excess, rows)
         assert np.abs(found - model.C).max() <= 1e-8 * np.abs(model.C).max()
 

@@ -9,7 +9,6 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import EPS, SOLVED, TINY
-from boomctl.structure.damping import uneven_damping
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
@@ -29,7 +28,7 @@ def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array 
         frequencies, V = undamped_modes(structure) if form is None else form.modes()
     except ValueError:
         return None
-    beta, excess = uneven_damping(structure)
+    beta, excess = structure.weights.uneven_damping()
     if excess.ndim == 2 and not is_symmetric(excess):
         return None
     dampers = np.flatnonzero(excess.any(axis=tuple(range(1, excess.ndim))))

@@ -36,7 +36,7 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
     The strains of a rigid-body mode, its mass coupling with elastic modes and, if undamped, its damping are exactly zero.
     Gyroscopic terms are preserved.
     """
-    moved = structure.projected(V, _names(frequencies))
+    moved = structure.projected(V, tuple(f"mode{i + 1}" for i in range(len(frequencies))))
     rigid = np.flatnonzero(frequencies == 0.0)
     if not len(rigid):
         return realize(moved, ports.congruent(V))
@@ -45,10 +45,6 @@ def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -
     M[np.ix_(rigid, bending)], M[np.ix_(bending, rigid)] = 0.0, 0.0
     K[rigid], K[:, rigid] = 0.0, 0.0
     return realize(Structure.of(M, C, K, moved.coordinates), ports.over_motions(V, rigid))
-
-
-def _names(frequencies: Array) -> tuple[str, ...]:
-    return tuple(f"mode{i + 1}" for i in range(len(frequencies)))
 
 
 def _resisted(V: Array, C: Array, rigid: Array) -> tuple[Array, Array]:
@@ -75,7 +71,8 @@ def modal_form(structure: Structure, ports: Ports) -> Lti:
     if form is not None:
         frequencies, own = form.own_modes
         B, L = form.in_modes(ports)
-        modal = Structure.of(np.eye(len(own)), own.T @ form.C @ own, np.diag(frequencies**2), _names(frequencies))
+        names = tuple(f"mode{i + 1}" for i in range(len(own)))
+        modal = Structure.of(np.eye(len(own)), own.T @ form.C @ own, np.diag(frequencies**2), names)
         return _scaled(realize(modal, replace(ports, B=B, L=L)), ports, frequencies)
     try:
         frequencies, V = undamped_modes(structure)

@@ -5,7 +5,6 @@ from scipy import linalg
 
 from boomctl.arrays import Array, blocks
 from boomctl.lti.rounding import ALIKE, DIGIT, ROOT, SUMMED, warn_of_rounding
-from boomctl.structure.damping import uneven_damping
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
@@ -141,7 +140,10 @@ def _orthonormal(M: Array, block: Array, against: Array) -> Array:
 
 def damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
-    R, excess = structure.layout.R, uneven_damping(structure)[1]  # Through strains, whose differences are accurate.
+    R, excess = (
+        structure.layout.R,
+        structure.weights.uneven_damping()[1],
+    )  # Through strains, whose differences are accurate.
     loaded = R.T @ weigh(excess, R @ shapes)
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     least = max(1e-9 * size.max(initial=1e-300), SUMMED * float(np.linalg.norm(structure.C @ shapes)))
