@@ -36,9 +36,9 @@ _FRACTION = 0.96  # Assumed-modes model: the rest is for its solver and for erro
 _SOLVED = 0.02  # Tolerance of its solver; the run time depends weakly on it in most motions.
 _FRACTION_EXACT = 0.7  # Geometrically exact beam: one more polynomial lowers its error tenfold.
 _SOLVED_EXACT = 0.28  # Tolerance of its solver; a looser tolerance can save one halving of the step.
-# Allowed difference of two references.  It is added to the error of each model, so that any value keeps the accuracy: a larger
-# one may reject a model that is accurate enough, a smaller one needs finer references.  Of 0.25, 0.1 and 0.03 all chose the same
-# models in 14 random maneuvers.
+# Allowed difference of two references.  It is added to the error of each model, so that any value keeps the accuracy: a
+# larger one may reject a model that is accurate enough, a smaller one needs finer references.  0.25, 0.1 and 0.03 chose the
+# same models in 14 random maneuvers.
 _CONVERGED = 0.1
 _FIRST, _ONWARD = 1e-3, 0.03  # Tolerance of the first reference; of the next ones, relative to the last difference.
 _NEGLIGIBLE = 0.1  # Tightest tolerance of a reference, relative to the allowed difference of two references.
