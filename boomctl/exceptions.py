@@ -62,13 +62,9 @@ class LimitsTooTightError(SlewError):
         Smallest sum of scaled constraint violations that IPOPT finds.
     """
 
-    def __init__(self, message: str, excess: float) -> None:
+    def __init__(self, message: str, excess: float = float("inf")) -> None:  # pickled by its message and attributes
         super().__init__(message)
         self.excess = excess
-
-    def __reduce__(self) -> tuple[type, tuple[str, float]]:
-        """Pickle message and excess, so that process pools can return the error."""
-        return type(self), (str(self), self.excess)
 
 
 class SynthesisError(BoomctlError, RuntimeError):

@@ -47,7 +47,9 @@ def plot_reduction(
     with panels(ax, ("singular values",), (6.4, 4.4)) as (axes,):
         x = curves.omega / frequency_axis(axes, frequency_unit)
         for name, lines, default in looks:
-            _curves(axes, x, lines, name, style, default)
+            for k, line in enumerate(lines):
+                if line.any():  # lines that are zero everywhere are omitted
+                    axes.loglog(x, line, **line_look(style, **default, **({} if k else {"label": name})))
         ends = np.array(result.omega_range if result.omega_range is not None else (curves.omega[0], curves.omega[-1]))
         ends = np.maximum(ends, curves.omega[0]) * x[0] / curves.omega[0]
         where = "in the band" if result.omega_range is not None else "everywhere"
@@ -138,13 +140,6 @@ def plot_tune(
         _least(axes, result.certificate.lower_bound)
         legend(axes)
     return axes
-
-
-def _curves(ax: Axes, x: Array, lines: Array, name: str, style: dict[str, Any], default: dict[str, Any]) -> None:
-    """Draw singular values under one name; lines that are zero everywhere are omitted."""
-    for k, line in enumerate(lines):
-        if line.any():
-            ax.loglog(x, line, **line_look(style, **default, **({"label": name} if k == 0 else {})))
 
 
 def _level(ax: Axes, value: float, said: str, color: str, dash: str = "--") -> None:

@@ -46,8 +46,7 @@ def plot_simulation(result: "SimulationResult", ax: Any = None, **style: Any) ->
         mark_large(axes[-1], result)
         if first:
             axes[0].set_title(f"Hub-beam, model {result.model}")
-        if "label" in look:
-            axes[0].legend()
+        legend(axes[0])
         over_time(axes, rows)
     return axes
 

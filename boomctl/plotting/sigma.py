@@ -1,5 +1,6 @@
 """Plots over frequency: singular values, of one system or several, and measured ones."""
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,9 +40,17 @@ def plot_sigma(result: "SigmaResult", ax: Any = None, *, frequency_unit: str | N
     TypeError, ValueError
         If the axes have another type, the unit is unknown or differs from that of existing curves, or a property is unknown.
     """
+    return _plot([(result, style)], ax, frequency_unit)
+
+
+def _plot(curves: Iterable[tuple["SigmaResult", dict[str, Any]]], ax: Any, frequency_unit: str | None) -> Any:
+    """Draw singular values with their styles, and the legend, with the entry of the circles last."""
     with panels(ax, ("singular values",), _SIZE) as (axes,):
-        _draw(result, axes, frequency_unit, style)
-        _legend(axes)
+        for result, style in curves:
+            _draw(result, axes, frequency_unit, style)
+        entries = sorted(zip(*axes.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] == _PEAK)
+        if entries:
+            axes.legend(*zip(*entries, strict=True))
     return axes
 
 
@@ -69,13 +78,6 @@ def _draw(result: "SigmaResult", ax: Any, frequency_unit: str | None, style: dic
     few_labels(ax)
 
 
-def _legend(ax: Any) -> None:
-    """Draw the legend, with the entry of the circles last."""
-    result = sorted(zip(*ax.get_legend_handles_labels(), strict=True), key=lambda entry: entry[1] == _PEAK)
-    if result:
-        ax.legend(*zip(*result, strict=True))
-
-
 def plot_sigma_comparison(
     comparison: "SigmaComparison", ax: Any = None, *, frequency_unit: str | None = None, **style: Any
 ) -> Any:
@@ -91,11 +93,8 @@ def plot_sigma_comparison(
     -------
     matplotlib Axes
     """
-    with panels(ax, ("singular values",), _SIZE) as (axes,):
-        for name, result in comparison.curves.items():
-            _draw(result, axes, frequency_unit, line_look(style, label=name))
-        _legend(axes)
-    return axes
+    looks = ((result, line_look(style, label=name)) for name, result in comparison.curves.items())
+    return _plot(looks, ax, frequency_unit)
 
 
 def plot_measured(

@@ -18,6 +18,7 @@ from boomctl.plotting.canvas import (
     common_legend,
     divided,
     labeled,
+    legend,
     line_look,
     new_figure,
     over_time,
@@ -70,8 +71,7 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
         if first:
             note = "; broken lines: limits" if limited else ""
             axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
-        if "label" in look:
-            axes[0].legend()
+        legend(axes[0])
         over_time(axes, [labeled(*result._labels[kind]) for kind, _, _ in curves], _AROUND)
     return axes
 
@@ -95,8 +95,7 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
         look = line_look(style)
         _draw_torque(axes, history, look)
         axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit), xmargin=_AROUND)
-        if "label" in look:
-            axes.legend()
+        legend(axes)
     return axes
 
 

@@ -20,13 +20,9 @@ from boomctl.studies.evaluation import word_table
 
 _TIMES = ("t", "time", "time_s", "t_s")  # names of a column of times [s]
 _FREQUENCIES = ("freq_hz", "frequency_hz")  # of the first column of a measured response
-_OF_MODE = (
-    "frequency_hz",
-    "damping_ratio",
-    "frequency_interval_hz",
-    "damping_ratio_interval",
-    "energy_fraction",
-)  # in results.json
+# In results.json.
+_OF_MODE = ("frequency_hz", "damping_ratio", "frequency_interval_hz", "damping_ratio_interval", "energy_fraction")
+_OF_RESULT = ("fit_percent", "frequency_range_hz", "confidence_level", "uncertainty_source")
 _EVEN = 1e-3  # largest relative deviation of sample times from an even grid: rounding in files
 
 
@@ -34,34 +30,28 @@ def _report(path: Path, result: IdentificationResult, response: FrequencyRespons
     """Return modes with intervals, the fit of each output, figures, and the model as a file; ``response``: of a record."""
     modes = Table(("frequency", "damping", "share of energy"), tuple(map(result._row, result.modes)), align="l")
     fits = {name: number(percent, 4) for name, percent in result.fit_percent.items()}
-    drawn: dict[str, Any] = {
-        "identification": (result, "Poles over orders with the modes found; what is not predicted")
-    }
+    caption = "Poles over orders with the modes found; what is not predicted"
+    pictures = [picture("identification", figure_of(result.plot), caption)]
     if response is not None:
-        drawn["response"] = (response, f"Frequency response and coherence, from {response.source}")
-    pictures = tuple(picture(name, figure_of(item.plot), caption) for name, (item, caption) in drawn.items())
+        caption = f"Frequency response and coherence, from {response.source}"
+        pictures.append(picture("response", figure_of(response.plot), caption))
     system = result.system
     matrices = {letter: np.asarray(getattr(system, letter)).tolist() for letter in "ABCD"}
     model = {"inputs": list(system.input_labels), "outputs": list(system.output_labels), **matrices}
+    text = f"{result.uncertainty_source}; intervals of {100.0 * result.confidence_level:g} %."
     sections = (
-        Section(
-            "Modes", (f"{result.uncertainty_source}; intervals of {100.0 * result.confidence_level:g} %.",), (modes,)
-        ),
+        Section("Modes", (text,), (modes,)),
         Section("Share of each output that is predicted", (), (word_table(fits, ("output", "fit [%]")),)),
-        Section("Pictures", (), (), pictures),
+        Section("Pictures", (), (), tuple(pictures)),
     )
-    lead = (
-        f"{len(result.modes)} modes from {result.frequency_range_hz[0]:.4g} to {result.frequency_range_hz[1]:.4g} Hz.",
-    )
+    low, high = result.frequency_range_hz
     results = {
         "file": path.name,
         "modes": [{name: getattr(mode, name) for name in _OF_MODE} for mode in result.modes],
-        **{
-            name: getattr(result, name)
-            for name in ("fit_percent", "frequency_range_hz", "confidence_level", "uncertainty_source")
-        },
+        **{name: getattr(result, name) for name in _OF_RESULT},
     }
-    return Report(f"Modes of {path.name}", lead, sections, results, {"model.json": json_text(model)})
+    lead = f"{len(result.modes)} modes from {low:.4g} to {high:.4g} Hz."
+    return Report(f"Modes of {path.name}", (lead,), sections, results, {"model.json": json_text(model)})
 
 
 def identified_file(
@@ -95,15 +85,11 @@ def identified_file(
     if not moved:
         raise ValueError(f"{path}: expected outputs in addition to the inputs, got none")
     result = identify(driven, moved, step, **options)
-    said = {
-        name: value
-        for name, value in options.items()
-        if name in ("frequency_range_hz", "intersample") and value is not None
-    }
-    quantity = options.get("quantity") or "displacement"
+    given: dict[str, Any] = {name: options.get(name) for name in ("frequency_range_hz", "intersample")}
+    given["quantity"] = options.get("quantity") or "displacement"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", BoomctlWarning)  # of the record: `identify` has issued them
-        response = estimate_frequency_response(driven, moved, step, quantity=quantity, **said)
+        response = estimate_frequency_response(driven, moved, step, **given)
     return result, _report(path, result, response)
 
 

@@ -261,12 +261,7 @@ class SlewEvaluation(Evaluation):
             "Torques and tip displacements over time; vibration over duration, small marks with other frequencies."
         )
         drawn = _drawn("comparison", comparison.plot, caption, names=names)
-        yield Section(
-            "Comparison with other spin-ups" if free else "Comparison with other slews",
-            (text,),
-            tuple(tables),
-            (drawn,),
-        )
+        yield Section(f"Comparison with other {'spin-ups' if free else 'slews'}", (text,), tuple(tables), (drawn,))
         text = "The models differ in what they neglect. The torque is open loop; errors are those at its end."
         rows = [vars(x) | {"tip_mass": "\u2013" if x.tip_mass is None else f"{x.tip_mass:g}"} for x in self.replays]
         table = table_of(rows, _REPLAYED, "SI units; tip mass: of another payload.")
@@ -281,8 +276,8 @@ class SlewEvaluation(Evaluation):
                 "angle error at the end [rad]": "final_angle_error",
                 "tip vibration at the end [m]": "residual_vibration",
             }
-            body = tuple((name, number(t[f"open_{key}"]), number(t[key])) for name, key in lines.items())
-            table = Table(("", "feedforward alone", "with feedback"), body)
+            rows = tuple((name, number(t[f"open_{key}"]), number(t[key])) for name, key in lines.items())
+            table = Table(("", "feedforward alone", "with feedback"), rows)
             yield Section("Followed with another payload", (text,), (table,))
 
 

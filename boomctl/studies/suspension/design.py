@@ -215,25 +215,21 @@ class SuspensionResult(Evaluation):
         p, base, titles = design.parameters, BoomParameters(), (before.title, after.title)
         run, bounds = [item.key for item in before.findings].index("stroke"), [*self._bounds()]
         blank, look = [replace(item, text="-", method="") for item in bounds], {"heads": titles, "align": "lrrl"}
-        columns = (
-            (*part.findings[:3], *more, *part.findings[3:run]) for part, more in ((before, blank), (after, bounds))
-        )
+        columns = ((*x.findings[:3], *more, *x.findings[3:run]) for x, more in ((before, blank), (after, bounds)))
         yield Section("Passive and active boom", design.notes, (finding_table(*columns, **look),))
         text = (
             f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
             f" {scene.accelerometer_bandwidth_hz:g} Hz. The static gain from yaw of the platform to the tips is"
             f" {p.length / p.actuator_distance:.3f}, a lower bound of the peak of every suspension that centers the boom."
         )
-        parts = tuple(
-            (name.replace("_", " "), *(f"{getattr(item, name):g}" for item in (base, p))) for name in _PASSIVE
-        )
+        parts = ((name.replace("_", " "), *(f"{getattr(x, name):g}" for x in (base, p))) for name in _PASSIVE)
         synthesis = (word_table(design.synthesis_info),) if design.synthesis_info else ()
-        yield Section("Plant and synthesis", (text,), (Table(("passive parts, SI units", *titles), parts), *synthesis))
+        yield Section(
+            "Plant and synthesis", (text,), (Table(("passive parts, SI units", *titles), tuple(parts)), *synthesis)
+        )
         if design.weights:
             drawn = draw_weights(design.weights, np.geomspace(0.05, 500.0, 400))
-            formulas = Table(
-                ("weight", "transfer function"), tuple((k, _formula(W)) for k, W in design.weights.items()), align="l"
-            )
+            formulas = word_table({k: _formula(W) for k, W in design.weights.items()}, ("weight", "transfer function"))
             shown = picture("weights", drawn, "Weights, in the units of the design.")
             yield Section("Weights", ("Frequencies in rad/s.",), (formulas,), (shown,))
         caption = (

@@ -106,9 +106,8 @@ class FieldScenario:
         most = (GROUND_LENGTH - self.tractor.wheelbase - _SPARE) / self.speed
         if duration > most:
             raise ValueError(
-                f"warmup_time, duration = {self.warmup_time:g}, {self.duration:g}: expected at most {up_to(most)} s "
-                "together at"
-                f" speed = {self.speed:g} m/s; the ground of a seed is {GROUND_LENGTH:g} m long"
+                f"warmup_time, duration = {self.warmup_time:g}, {self.duration:g}: expected at most {up_to(most)} s together"
+                f" at speed = {self.speed:g} m/s; the ground of a seed is {GROUND_LENGTH:g} m long"
             )
         length = self.speed * duration + self.tractor.wheelbase + _SPARE
         track = iso_track(self.road_class, length=length, seed=self.seed, width=self.tractor.track_width)

@@ -134,17 +134,9 @@ def sweep(
     failed = [(points[k], item) for k, item in enumerate(ordered) if item.columns is None]
     failures = tuple(FailedPoint(point, item.error, item.trace) for point, item in failed)
     _report(failures, len(points))
-    return SweepResult(
-        labels={name: tuple(axis) for name, axis in axes.items()},
-        swept=swept,
-        shape=shape,
-        points=tuple(points),
-        values=tuple(item.columns for item in ordered),
-        failures=failures,
-        elapsed=np.array([item.elapsed for item in ordered]),
-        units=dict(named),
-        resumed=resumed,
-    )
+    labels = {name: tuple(axis) for name, axis in axes.items()}
+    values, elapsed = tuple(item.columns for item in ordered), np.array([item.elapsed for item in ordered])
+    return SweepResult(labels, swept, shape, tuple(points), values, failures, elapsed, dict(named), resumed)
 
 
 def _axes(over: object) -> dict[str, dict[Label, Any]]:
