@@ -91,9 +91,8 @@ def describing_function(
     output : str
         Output that is read.
     """
-    H = np.asarray(
-        plant.frequency_response(omega, [excitation, friction.force_input], [output, friction.slip_output]).frdata
-    )
+    inputs, outputs = [excitation, friction.force_input], [output, friction.slip_output]
+    H = np.asarray(plant.frequency_response(omega, inputs, outputs).frdata)
     (moved, free), receptance, level = amplitude * H[:, 0], H[1, 1], 4.0 * friction.sliding_force / np.pi
     turned = 1j * level * receptance
     slip_size = np.sqrt(np.maximum(np.abs(free) ** 2 - np.imag(turned) ** 2, 0.0)) - np.real(turned)
@@ -306,12 +305,11 @@ def friction_chapter(p: BoomParameters, points: int) -> Chapter:
     lines = tuple((name, f"{value:.2f}") for name, value in ratios.items())
     caption = f"Lower singular value over the linear one, mean from {low:g} to {high:g} Hz; measured: below 1."
     table = Table(("reading of the friction", "ratio"), lines, caption)
-    sines = picture(
-        "boom_friction",
-        draw_friction(study),
+    caption = (
         "Singular values of jolt and yaw. Lines: describing function; circles: stepped sine on the nonlinear model, at"
-        f" {points} frequencies.",
+        f" {points} frequencies."
     )
-    section = Section("Friction in the cradle", (text, verdict), (table,), (sines,))
+    drawn = picture("boom_friction", draw_friction(study), caption)
+    section = Section("Friction in the cradle", (text, verdict), (table,), (drawn,))
     numbers = {"platform_amplitude": study.amplitude, "force": study.force, "matched_hz": study.matched_hz}
     return Chapter((section,), {"friction": numbers | {"lower_over_linear": ratios}})

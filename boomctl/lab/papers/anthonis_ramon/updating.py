@@ -122,9 +122,8 @@ def _findings(study: BoomUpdating) -> tuple[str, str]:
     low, high = study.first_interval_hz
     every = study.reading(*READINGS[-1])
     held = [name for name in READINGS[2] if _holds(every, name, getattr(p, name))]
-    confirmed = (
-        f" Freed as well, {' and '.join(held)} keep the values of Table 2 within their intervals." if held else ""
-    )
+    names = " and ".join(held)
+    confirmed = f" Freed as well, {names} keep the values of Table 2 within their intervals." if held else ""
     measured = MEASURED_HZ[0]
     comes = "may come from" if low <= measured <= high else "does not come from"
     inside = "holds" if _holds(lever, "spring_distance", p.actuator_distance) else "does not hold"

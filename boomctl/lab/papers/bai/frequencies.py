@@ -23,9 +23,8 @@ def table_2() -> Part:
     slip = 2.0 * math.pi / TWO_PI_OF_THE_PAPER
     comparisons = []
     for (model, speed), values in FREQUENCIES_HZ.items():
-        computed, few = (
-            hub_beam(HubBeamParameters(), model, modes).eigenfrequencies_hz(speed) for modes in (_MODES, 5)
-        )
+        beams = (hub_beam(HubBeamParameters(), model, modes) for modes in (_MODES, 5))
+        computed, few = (beam.eigenfrequencies_hz(speed) for beam in beams)
         row = f"{model.upper()}, {speed:g} rad/s" if speed else "natural frequency"
         for k, (printed, ours, ours_of_five) in enumerate(zip(values, computed, few, strict=False), 1):
             what, why, slipped = f"{row}, mode {k}", "rad/s divided by 6.28, not 2 pi", float(ours_of_five) * slip
@@ -74,9 +73,8 @@ def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
 
 
 def _critical(mass: float, position: float | None) -> float:
-    return float(
-        hub_beam(HubBeamParameters(tip_mass=mass, tip_mass_position=position), "tlam", _MODES).divergence_speed()
-    )
+    p = HubBeamParameters(tip_mass=mass, tip_mass_position=position)
+    return float(hub_beam(p, "tlam", _MODES).divergence_speed())
 
 
 def _smallest_eigenvalue(mass: float, speed: float) -> float:

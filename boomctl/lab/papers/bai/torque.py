@@ -167,9 +167,8 @@ def foam_and_sfoam() -> Part:
 
 def _lead_and_loss(tips: dict[str, Array]) -> tuple[Comparison, ...]:
     """Phase lead and smaller amplitude of SFOAM's residual vibration at 200 N m."""
-    foam, sfoam, alone = (
-        residual_vibration(TIME, tips[label], PERIOD, 3.2) for label in ("FOAM", "SFOAM", "SFOAM, 1 mode")
-    )
+    labels = "FOAM", "SFOAM", "SFOAM, 1 mode"
+    foam, sfoam, alone = (residual_vibration(TIME, tips[label], PERIOD, 3.2) for label in labels)
     lead = float(np.angle(np.exp(1j * (sfoam.phase - foam.phase))))
     end = lead + (sfoam.omega - foam.omega) * (TIME[-1] - PERIOD)
     loss, loss_alone = (100.0 * (1.0 - x.amplitude / foam.amplitude) for x in (sfoam, alone))
