@@ -8,13 +8,12 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.tunable.structures import Physical
-from boomctl.tuning.hessian import peak_hessian
 from boomctl.tuning.loops import Closed
 from boomctl.tuning.plants import FamilyPlants, build_plants
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import Response
-from boomctl.tuning.solver.bundle import least
+from boomctl.tuning.solver.bundle import least, peak_hessian
 from boomctl.tuning.solver.descent import _weak_wolfe
 from tests.profiles import examples
 from tests.tuning.test_tune import family, swing, weighed
