@@ -52,7 +52,7 @@ def full_order_bound(plant: GeneralizedPlant, deadline: Deadline) -> tuple[float
         try:
             measured, replaced = _noisy(_shifted(plant, shift))
             weighed, moved = _noisy(measured.dual)
-            bounds = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
+            bounds, _ = lowest_level(normalized(weighed.dual), _TOLERANCE, deadline)
         except OutOfTimeError as over:
             raise SynthesisError(f"the time ran out while {over}") from None
         except _FAILED as error:

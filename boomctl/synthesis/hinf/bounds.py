@@ -110,7 +110,7 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     return Level(gamma, _COUPLING if radius >= gamma else "", radius, min(radius, gamma), X, Y)
 
 
-def suboptimal_controller(ready: NormalizedPlant, gamma: float, D22: Array) -> Lti:
+def suboptimal_controller(ready: NormalizedPlant, level: Level, D22: Array) -> Lti:
     """Return the central controller of a level, in the signals of the plant, which has ``D22``, if its loop is well-posed.
 
     Otherwise return that one of three controllers for which ``I + D_K D22`` is best conditioned.
@@ -120,7 +120,6 @@ def suboptimal_controller(ready: NormalizedPlant, gamma: float, D22: Array) -> L
     ValueError
         If the level is not reached, or if the loop is not well-posed.
     """
-    level = level_of(ready, gamma)
     if level.reason:
         raise ValueError(level.reason)
     family, inward, outward = _all_controllers(ready, level), ready.from_measurements, ready.from_controls
@@ -133,7 +132,7 @@ def suboptimal_controller(ready: NormalizedPlant, gamma: float, D22: Array) -> L
     K = lower_lft(family.system, static(np.zeros((family.ncon, family.nmeas))))
     if well_posedness(K) < _MIN_WELL_POSEDNESS:
         left, _, right = linalg.svd(family.D21 @ through @ family.D12, full_matrices=False)
-        aligned = 0.5 * gamma * (left @ right).T
+        aligned = 0.5 * level.gamma * (left @ right).T
         K = max(K, *(lower_lft(family.system, static(Q)) for Q in (aligned, -aligned)), key=well_posedness)
     return with_feedthrough(Lti(K.A, K.B @ inward, outward @ K.C, outward @ K.D @ inward), D22)
 
@@ -226,8 +225,10 @@ class Bounds:
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
 
-def lowest_level(ready: NormalizedPlant, rtol: float, deadline: Deadline, wanted: float | None = None) -> Bounds:
-    """Return the lowest level that is reached, within ``rtol`` of its lower bound.
+def lowest_level(
+    ready: NormalizedPlant, rtol: float, deadline: Deadline, wanted: float | None = None
+) -> tuple[Bounds, Level]:
+    """Return the lowest level that is reached, within ``rtol`` of its lower bound, and its Riccati solutions.
 
     If ``wanted`` is given, the search continues until that level is reached or excluded.
 
@@ -246,10 +247,10 @@ def lowest_level(ready: NormalizedPlant, rtol: float, deadline: Deadline, wanted
     poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F, ready.A + L.T @ ready.C2))
     band = float(np.abs(np.concatenate(poles)).max(initial=0.0))
     levels = _bisected(ready, relaxed, frequency, rtol, np.inf if wanted is None else wanted, deadline)
-    reached = min(level.gamma for level in levels if not level.reason)
+    reached = min((level for level in levels if not level.reason), key=lambda level: level.gamma)
     best = max(levels, key=lambda level: level.lower_bound)
     reason = (best.reason or _COUPLING) if best.lower_bound > 0.0 else ""
-    return Bounds(reached, frequency, omega, best.lower_bound, reason, band)
+    return Bounds(reached.gamma, frequency, omega, best.lower_bound, reason, band), reached
 
 
 def _bisected(

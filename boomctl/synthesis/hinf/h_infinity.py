@@ -14,12 +14,13 @@ from boomctl.analysis.sigma import sigma
 from boomctl.checks import positive, within
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
+from boomctl.lti.rounding import SOLVED
 from boomctl.printing import Summarized, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import checked
 from boomctl.synthesis.certificate import Candidate, DesignCertificate, LoopDesign, largest_pole, verified_candidate
-from boomctl.synthesis.hinf.bounds import FIRST_LEVEL, Bounds, lowest_level, suboptimal_controller
+from boomctl.synthesis.hinf.bounds import FIRST_LEVEL, Bounds, Level, level_of, lowest_level, suboptimal_controller
 from boomctl.synthesis.plants.full_plant import evaluate_on_full_plant, origin_of
 from boomctl.synthesis.plants.partition import GeneralizedPlant, NormalizedPlant, partition
 from boomctl.synthesis.reduce_controller import without_fast_poles
@@ -192,11 +193,11 @@ def h_infinity(
     with computing("H-infinity synthesis", progress):
         deadline = Deadline(limit)
         try:
-            bounds = lowest_level(ready, rtol, deadline, wanted)
+            bounds, reached = lowest_level(ready, rtol, deadline, wanted)
             if wanted is not None and wanted < bounds.lower:
                 raise SynthesisError(f"`gamma` = {wanted:.6g} cannot be reached: {bounds.why}.")
             fastest = allowed if allowed is not None else (_MAX_SPEED * bounds.band or np.inf)
-            task = _Task(plant, ready, bounds, fastest, rtol, deadline, wanted)
+            task = _Task(plant, ready, bounds, reached, fastest, rtol, deadline, wanted)
             candidate = _lowest_controller(task, strict=allowed is not None)
         except OutOfTimeError as over:
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
@@ -236,6 +237,7 @@ class _Task:
     plant: GeneralizedPlant
     ready: NormalizedPlant
     bounds: Bounds
+    reached: Level
     fastest: float
     rtol: float
     deadline: Deadline
@@ -280,7 +282,9 @@ def _passes(task: _Task, passed: dict[float, Candidate], log: list[str], gamma: 
     task.deadline.check(f"computing a controller for gamma = {gamma:.6g}")
     name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
     try:
-        K = suboptimal_controller(task.ready, gamma, task.plant.D22)
+        known = abs(gamma / task.reached.gamma - 1.0) <= SOLVED
+        reached = task.reached if known else level_of(task.ready, gamma)
+        K = suboptimal_controller(task.ready, reached, task.plant.D22)
         if (speed := largest_pole(K)) > task.fastest:
             log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")
             name, K = f"{name}, fast poles residualized", without_fast_poles(K, task.fastest)
