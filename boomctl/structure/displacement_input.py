@@ -15,7 +15,6 @@ from boomctl.structure.elimination import Elimination, eliminate
 from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, weigh
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
-from boomctl.structure.outline import mapped
 from boomctl.structure.ports import Ports
 from boomctl.threads import one_blas_thread
 from boomctl.units import motion_unit
@@ -89,7 +88,8 @@ def prescribe_displacement(
         )
     old = model.structure
     choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
-    structure = Structure(layout, old.weights, mapped(old.outline, choice.T_q))
+    outline = old.outline and replace(old.outline, maps=(*old.outline.maps, choice.T_q))
+    structure = Structure(layout, old.weights, outline)
     forces = _imposing_forces(old.weights, layout, imposed)
     strains = imposed.R if old.has_strains else None
     ports = _prescribed(model.ports, choice, strains, forces, moved, held, orders, reactions)

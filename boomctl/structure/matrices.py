@@ -14,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, EPS, SUMMED
 from boomctl.printing import compact
 from boomctl.structure.layout import CACHE_SIZE, Layout, Weights, layout_of_matrices, weigh
-from boomctl.structure.outline import Outline, mapped
+from boomctl.structure.outline import Outline
 from boomctl.structure.ports import Ports
 from boomctl.structure.strain_coordinates import StrainForm, strain_form
 from boomctl.structure.symmetry import Mirror
@@ -154,7 +154,7 @@ class Structure:
             sums = ((weights.m, mass), (weights.c, elastic), (weights.k, elastic))
             weights = Weights(*(w[first] + np.where(image == first, 0.0, w[image]) for w, (first, image) in sums))
         for parity, (P, layout) in self.layout.halves.items():
-            outline = mapped(self.outline, P, parity)
+            outline = self.outline and replace(self.outline, maps=(*self.outline.maps, P), parity=parity)
             if self.has_strains:
                 half = replace(self, layout=layout, weights=weights, outline=outline)
             else:

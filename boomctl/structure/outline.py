@@ -62,8 +62,3 @@ class Outline:
             shapes = T @ shapes
         lines: tuple[Line, ...] = self.machine.lines()
         return tuple((line, np.stack([(line.x @ shapes).T, (line.y @ shapes).T], axis=2)) for line in lines)
-
-
-def mapped(outline: Outline | None, T: Array, parity: int = 0) -> Outline | None:
-    """Return an outline, if there is one, over coordinates ``z`` with ``q = T z``."""
-    return None if outline is None else Outline(outline.machine, (*outline.maps, T), parity or outline.parity)

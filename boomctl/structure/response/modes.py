@@ -4,14 +4,14 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import EPS
+from boomctl.lti.rounding import EPS, ROOT
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure
 
 SMALL = 60  # Coordinates up to which modes are computed in strain coordinates at once: they cost little more.
 # Noise of stiffness over mass, in units of its lowest value, above which shapes from matrices have errors above 1e-10.
 GRADED = 30.0
-_NOISE = 1e3 * EPS  # Strain energy of a rigid motion over its terms, and its coordinates over the largest: rounding.
+_NOISE = 1e3 * EPS  # Rounding: of stiffness over mass, of strain energy over its terms, of coordinates of unit mass.
 _SPREAD = 1e7  # Of stiffnesses, from which on the softest mode counts as nearly floating.
 
 
@@ -51,24 +51,26 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
         stiffness, shapes = _near(structure, float(elastic[0]), count)
     if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
         return structure.strain_form.modes()
-    return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes, noise)
+    return _with_rigid_motions(structure, np.sqrt(np.maximum(stiffness, 0.0)), shapes)
 
 
-def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array, noise: float) -> tuple[Array, Array]:
+def _with_rigid_motions(structure: Structure, frequencies: Array, shapes: Array) -> tuple[Array, Array]:
     """Return modes, those whose ``v^T K v`` is the rounding of its terms with a frequency of exactly zero.
 
-    Coordinates of a rigid motion that are rounding are zero: if a coordinate without stiffness moves alone, the others do
-    not contribute to the kinetic energy, and the remainder has no strain.
+    If a coordinate without stiffness moves alone, the other coordinates of a shape are zero: they do not contribute to the
+    kinetic energy, and the remainder has no strain.  Setting small coordinates to zero may strain another rigid motion, so
+    shapes are tested as they are, too.
     """
-    slow = np.flatnonzero(frequencies**2 <= noise)
-    moving = shapes[:, slow]
-    moving = np.where(np.abs(moving) * np.sqrt(structure.M.diagonal())[:, None] > _NOISE, moving, 0.0)
-    strained, terms = (
-        np.einsum("ij,ij->j", v, K @ v) for v, K in ((moving, structure.K), (np.abs(moving), np.abs(structure.K)))
-    )
-    rigid = strained <= _NOISE * terms
-    exact, result = frequencies.copy(), shapes.copy()
-    exact[slow[rigid]], result[:, slow[rigid]] = 0.0, moving[:, rigid]
+    slow = np.flatnonzero(frequencies <= ROOT * np.sqrt(structure.noise / EPS))
+    if not len(slow):
+        return frequencies, shapes
+    shape, exact, result = shapes[:, slow], frequencies.copy(), shapes.copy()
+    moving = np.where(np.abs(shape) * np.sqrt(structure.M.diagonal())[:, None] > _NOISE, shape, 0.0)
+    strained = np.einsum("ij,ij->j", moving, structure.K @ moving)
+    terms, left = (np.einsum("ij,ij->j", item, abs(structure.K) @ item) for item in (np.abs(shape), np.abs(moving)))
+    alone = strained <= _NOISE * left
+    exact[slow[alone | (frequencies[slow] ** 2 <= _NOISE * terms)]] = 0.0
+    result[:, slow[alone]] = moving[:, alone]
     return exact, result
 
 
