@@ -41,8 +41,8 @@ def three_masses(parameters):
     return SecondOrderModel(M, C, K, {"f1": unit[0], "f2": unit[1]}, outputs)
 
 
-def response_of_record(model, u, step):
-    """Return the outputs of a record of band-limited inputs that repeats for ever."""
+def response_of_record(model, u, step, power=0):
+    """Return the outputs of a record of band-limited inputs that repeats for ever, or derivatives of them."""
     omega = 2.0 * np.pi * np.fft.rfftfreq(len(u), step)
-    G = np.asarray(model.frequency_response(omega).frdata)
+    G = np.asarray(model.frequency_response(omega).frdata) * (1j * omega) ** power
     return np.fft.irfft(np.einsum("oik,ki->ko", G, np.fft.rfft(u, axis=0)), len(u), axis=0)

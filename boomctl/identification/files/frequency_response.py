@@ -81,7 +81,8 @@ class MeasuredFrequencyResponse:
             return None
         from boomctl.lti.python_control import control
 
-        names: dict[str, Any] = {"inputs": list(self.input_labels), "outputs": list(self.output_labels)}
+        labels = {"inputs": self.input_labels, "outputs": self.output_labels}
+        names: dict[str, Any] = {kind: list(given) for kind, given in labels.items() if given}
         return control.frd(self.frdata, tau * self.frequency_hz, **names, name="measured")
 
     def plot(self, ax: "Axes | None" = None, *, frequency_unit: str | None = None, **style: Any) -> "Axes":

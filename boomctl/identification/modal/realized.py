@@ -93,20 +93,15 @@ class RankOne:
         before, after = (rms(complex_of(model.left(data))) / rms(data.Y) for model in (self, straight))
         return straight if 100.0 * (after - before).max() <= loss else self
 
-    def predicted(self, data: Spectra) -> Array:
-        """Return the responses of the outputs to the inputs, in the scale of the data, (2 n, p)."""
-        blocks = _columns(data, self.poles, self.b, self.fixed, self.rigid_b, len(self.rigid_c))
-        p = self.D.shape[1]
-        parts = [self.c.real, self.c.imag, self.D, self.residues.reshape(-1, p), self.rigid_c]
-        return np.concatenate(blocks, axis=1) @ np.concatenate(parts) / data.scale
-
     def left(self, data: Spectra) -> Array:
         """Return the errors of a free run from the best initial state of each record, (2 n, p).
 
         The initial state has one number for each state of the system. In the spectrum its free
         motion and the motion at the end of the record are one: neither is limited by the other.
         """
-        y = real(data.Y) - self.predicted(data)
+        blocks = _columns(data, self.poles, self.b, self.fixed, self.rigid_b, len(self.rigid_c))
+        parts = [self.c.real, self.c.imag, self.D, self.residues.reshape(-1, self.D.shape[1]), self.rigid_c]
+        y = real(data.Y) - np.concatenate(blocks, axis=1) @ np.concatenate(parts) / data.scale
         for k in range(data.records):
             rows = np.flatnonzero(np.repeat(data.record == k, 2))
             y[rows] = self._free_run(data.of_record_number(k), y[rows])
@@ -201,20 +196,15 @@ def _coefficients(columns: Array, y: Array) -> Array:
 
 
 def _columns(data: Spectra, poles: Array, b: Array, fixed: Array, rigid_b: Array, integrators: int) -> list[Array]:
-    """Return the columns of modes, of the feedthrough, of fixed pairs and of integrators."""
+    """Return the columns of modes (real, then imaginary parts of ``c``), feedthrough, fixed pairs and integrators."""
     forced = data.rest(fixed)[:, : data.U.shape[1] * (2 * len(fixed) + 1)]
     rigid = [real(response * (data.U @ rigid_b)) for response in data.integrated(integrators)]
     m = data.U.shape[1]
+    above = data.simple(poles)[0] * (b @ data.U.T)
+    below = data.simple(poles.conj())[0] * (b.conj() @ data.U.T)
     return [
-        _driven(data, poles, b),
+        real(np.concatenate(pairs(above, below)).T),
         forced[:, :m],
         forced[:, m:],
         np.column_stack(rigid) if rigid else np.zeros((len(forced), 0)),
     ]
-
-
-def _driven(data: Spectra, poles: Array, b: Array) -> Array:
-    """Return columns of modes driven along one direction each: of real, then of imaginary parts of ``c``."""
-    above = data.simple(poles)[0] * (b @ data.U.T)
-    below = data.simple(poles.conj())[0] * (b.conj() @ data.U.T)
-    return real(np.concatenate(pairs(above, below)).T)
