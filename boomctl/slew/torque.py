@@ -42,7 +42,7 @@ class TorqueProfile(TorqueDriven):
 
     def __post_init__(self) -> None:
         for name in ("edges", "start_values", "end_values"):
-            finite_array(name, getattr(self, name), 1)
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), 1))
 
     def __repr__(self) -> str:
         switching = f", {count(len(self.switching_times), 'switch', 'switches')}" if self.switching_times.size else ""

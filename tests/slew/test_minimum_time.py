@@ -260,6 +260,12 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
     )
     again = beam.simulate(slew)
     assert_allclose(again.tip_displacement, slew.tip_displacement, atol=1e-7)
+    listed = TorqueProfile(
+        *(getattr(slew.torque_profile, name).tolist() for name in ("edges", "start_values", "end_values"))
+    )
+    assert_allclose(beam.simulate(listed, slew.time).tip_displacement, again.tip_displacement, atol=1e-12)
+    with pytest.raises(ValueError, match="edges: expected finite numbers"):
+        replace(listed, edges=listed.edges * np.nan)
     loaded = bc.hub_beam(modes=1, tip_mass=0.1)
     played = loaded.simulate(
         bc.maneuvers.applied_torque(slew.torque_profile, breakpoints=slew.torque_profile.breakpoints), slew.time
