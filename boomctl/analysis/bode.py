@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BodeResult:
     """Frequency responses as magnitude and phase.
 

@@ -39,7 +39,7 @@ _WIDE = 20  # Width of a pole z in a table, in characters.
 _CAPTION = "signals in %: peak of the mode relative to the highest mode, largest over the other signals"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mode:
     """Mode: a pair of complex poles, or a real pole.
 
@@ -256,7 +256,7 @@ def _rigid(system: Lti) -> tuple[Array, Lti]:
     return np.array(shown), parts.rest
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PoleZeroResult:
     """Poles and transmission zeros.
 

@@ -1,7 +1,8 @@
 """Verified lower and upper bounds of H-infinity norms.
 
-The frequency of the largest singular value is computed in modal coordinates, the value from the system's own matrices.  One
-of three methods yields an upper bound, in this order:
+The frequency of the largest singular value is computed in modal coordinates, the value from the system's own matrices, or
+from the sum over the modes if its error is bounded by a relative 1e-9.  One of three methods yields an upper bound, in this
+order:
 
 1. The sum over the modes stays below a level at all frequencies, rounding error of the entries included
    (:mod:`boomctl.analysis.sum_over_modes`): a proof that takes a millisecond.
@@ -13,7 +14,7 @@ of three methods yields an upper bound, in this order:
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, partial
 from math import inf, isfinite, log2, nan
 from operator import itemgetter
 from typing import TYPE_CHECKING
@@ -23,7 +24,7 @@ from scipy.linalg import blas, lapack
 
 from boomctl.analysis import sum_over_modes
 from boomctl.analysis.claim import Claim
-from boomctl.analysis.sum_over_modes import Bounded
+from boomctl.analysis.sum_over_modes import UNDERFLOW, Bounded
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
@@ -53,10 +54,8 @@ _NEAR = 100.0
 # Largest change of the peak by rounding errors of the entries, relative, without exact arithmetic: twice this value above,
 # once below, and the level leave bounds that agree to CERTIFIED.
 _ROUNDING_LIMIT = 0.28 * CERTIFIED
-_TWICE = 2.0  # Factor on the rounding error of a response: once for the system, once for the sum over its modes.
 _NEARBY = [0.7, 1.0]  # Relative frequencies at which the response is evaluated for a mode that may be undamped.
 _BAND_START = 1e-6  # First frequency of the grid of a band from zero, relative to the last one.
-_TINY = 1e-150  # Norm below which squares of responses underflow.
 
 NAMES = {"hinf": "H-infinity", "h2": "H2"}  # Names of the norms.
 # Methods in order of preference: values of `NormBounds.method`.
@@ -203,7 +202,7 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
         return infinite
     if hidden and len(system.A) <= EXACT_STATES:
         return exact_norm(original, 0.0, 0.0)
-    respond, dt = response or partial(_response, system), system.dt
+    respond, dt = response or partial(system.response, quiet=True), system.dt
     modes, mapped = continuous_image_of_modes(partial_fractions(system), dt)
     error = bounded.error + mapped
 
@@ -222,9 +221,9 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
         rounding = rounding_of(original, np.append(omega if isfinite(omega) else 0.0, points))
     lower = max(peak - rounding, 0.0)
     if in_modes:
-        upper = peak * (1.0 + LEVEL) + _TWICE * error
+        upper = peak * (1.0 + LEVEL) + 2.0 * error  # Of the system, and of the sum over its modes.
         return NormBounds(lower, upper, omega, IN_MODES, verified=True, _proved=True, _given=original)
-    if not hidden and rounding <= LEVEL * peak and peak >= _TINY:
+    if not hidden and rounding <= LEVEL * peak and peak >= UNDERFLOW:
         try:
             result = level_norm(continuous_image(system), at_image, (peak, at))
         except ValueError:  # A pole next to z = -1.
@@ -249,7 +248,7 @@ def _highest(
     """
 
     def stays_below(peak: float, at: float) -> bool:
-        is_accurate = error <= _ROUNDING_LIMIT * peak < inf and peak >= _TINY and isfinite(at)
+        is_accurate = error <= _ROUNDING_LIMIT * peak < inf and peak >= UNDERFLOW and isfinite(at)
         return is_accurate and sum_over_modes.stays_below(modes, peak * (1.0 + LEVEL), at)
 
     top = top_of_a_mode(modes) if error < inf else None
@@ -311,7 +310,7 @@ def level_norm(
         Frequency range of the norm [rad/s]; all frequencies by default.  The level may be below the largest singular value of
         ``D``: within the band no singular value equals the level, and at one frequency all are below it.
     """
-    respond = response or partial(_response, system)
+    respond = response or partial(system.response, quiet=True)
     low, high = band
     if peak is None and band == (0.0, inf):
         found = largest_gain(partial_fractions(system), respond)
@@ -437,12 +436,14 @@ def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
     """
     system, size, worst = original.system, original.magnitudes, 0.0
     for w in omega if len(system.A) and system.D.size else []:
-        solved = _solved(system, w)
-        if solved is None:
+        pencil, point = -system.A.astype(complex), system.boundary(w)
+        pencil.flat[:: len(pencil) + 1] += point
+        factors, swapped, singular = lapack.zgetrf(pencil)
+        if singular:
             return inf
-        acting, reading = solved
+        acting, reading = (lapack.zgetrs(factors, swapped, X, trans=k)[0] for k, X in enumerate((system.B, system.C.T)))
         with np.errstate(invalid="ignore", over="ignore"):
-            states, point = np.abs(acting), system.boundary(w)
+            states = np.abs(acting)
             left = np.abs(system.B + system.A @ acting - point * acting)
             change = DIGIT * (size.A @ states + size.B + abs(point) * states) + left + error * states.sum(axis=0)
             off = np.abs(reading).T @ change + DIGIT * (size.C @ states + size.D)
@@ -453,30 +454,13 @@ def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
     return worst
 
 
-def _response(system: Lti, omega: Array) -> Array:
-    """Return a system's response; at a single frequency the solution is cached for its rounding error."""
-    solved = _solved(system, float(omega[0])) if len(omega) == 1 else None
-    return system.response(omega, quiet=True) if solved is None else (system.C @ solved[0] + system.D)[:, :, None]
-
-
-@lru_cache(maxsize=1)  # used for the response at the peak, and then for its rounding error
-def _solved(system: Lti, omega: float) -> tuple[Array, Array] | None:
-    """Return ``(s - A)^-1 B`` and ``(s - A)^-T C^T`` at a frequency; None if ``s - A`` is singular."""
-    pencil = -system.A.astype(complex)
-    pencil.flat[:: len(pencil) + 1] += system.boundary(omega)
-    factors, swapped, singular = lapack.zgetrf(pencil)
-    if singular:
-        return None
-    return lapack.zgetrs(factors, swapped, system.B)[0], lapack.zgetrs(factors, swapped, system.C.T, trans=1)[0]
-
-
 def hamiltonian_matrix(system: Lti, level: float) -> Array:
     """Return the balanced Hamiltonian matrix of a level."""
     A, n, D = system.A, len(system.A), system.D / level
     B, C = system.B / np.sqrt(level), system.C / np.sqrt(level)
     sizes = blas.dnrm2(B.ravel()), blas.dnrm2(C.ravel())
     # Scale the states only if squares overflow or underflow: otherwise rounding error hides levels of stiff structures.
-    if 0.0 < min(sizes) < _TINY or max(sizes) * _TINY > 1.0:
+    if 0.0 < min(sizes) < UNDERFLOW or max(sizes) * UNDERFLOW > 1.0:
         up = 2.0 ** round(0.5 * (log2(sizes[1]) - log2(sizes[0])))
         B, C = up * B, C / up
     fed = np.linalg.solve(np.eye(D.shape[1]) - D.T @ D, np.concatenate([D.T @ C, B.T], axis=1))

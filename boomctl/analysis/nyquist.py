@@ -52,7 +52,7 @@ _TRIES = 60  # Number of candidates: ten decades.
 _WHOLE = 1e-3  # Largest distance of the winding number from an integer.
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NyquistStability:
     """Stability of a loop by the winding number of ``det(I - G K)``.
 
@@ -241,7 +241,7 @@ def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> t
     raise ArithmeticError("the loop's phase could not be followed: it has a pole on the imaginary axis, or close to it")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NyquistResult:
     """Nyquist curve of a loop, with its encirclements.
 

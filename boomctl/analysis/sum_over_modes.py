@@ -32,7 +32,7 @@ _EVALUATED = 16  # Rounding errors of a term of the sum, in addition to one for 
 _CELLS, _CELLS_OF_MODE = 400, 10  # Largest number of cells, and per mode: with more, another proof is as fast.
 # Largest number of entries of the response per mode: with more, another proof is faster.
 _ENTRIES = 6
-_UNDERFLOW = 1e-150  # More than the length of entries whose squares underflow.
+UNDERFLOW = 1e-150  # Numbers below it have squares that underflow.
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
         return False
     poles, terms, D = modes.poles[:, None], modes.terms / level, modes.D.reshape(-1, 1) / level
     decay, omega, rates = -modes.poles.real, modes.poles.imag, np.abs(modes.poles)
-    size = np.sqrt(squared(terms).sum(axis=1)) + _UNDERFLOW
+    size = np.sqrt(squared(terms).sum(axis=1)) + UNDERFLOW
     lost = (len(decay) + _EVALUATED) * EPS * float((size / decay).sum())  # rounding error of the sum
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
     if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= 1.0:  # above the fastest

@@ -37,7 +37,7 @@ _FEWEST, _MOST = 200, 20_000  # Smallest and largest number of time points of a 
 _LONG = 10.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class TimeResponse:
     """Response of a system at rest to a step or an impulse of each input.
 

@@ -11,8 +11,7 @@ from scipy import linalg
 
 from boomctl.analysis import margins
 from boomctl.exceptions import MarginAccuracyWarning
-from tests.analysis.loop_cases import SIGNALS, chain, velocity_feedback
-from tests.analysis.stepped import radius
+from tests.analysis.loop_cases import SIGNALS, chain, radius, velocity_feedback
 from tests.profiles import examples
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import boomctl as bc
 from boomctl.exceptions import MarginLossWarning
-from tests.analysis.stepped import radius, step_matrix
+from tests.analysis.loop_cases import radius, step_matrix
 from tests.analysis.test_margins import random_case
 from tests.profiles import examples
 
