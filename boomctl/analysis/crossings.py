@@ -14,7 +14,6 @@ from boomctl.arrays import Array, blocks
 from boomctl.lti.rounding import ALIKE, SOLVED
 from boomctl.lti.system import Lti, signal_scales
 
-_DIRECT = 0.1  # Feedthrough above which the zeros are computed from a matrix instead of a pencil, in half the time.
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
@@ -64,12 +63,8 @@ def _axis_zeros(S: Lti, sign: float, D: float) -> Array:
     A, B, C = S.A / scale[:, None] * scale, S.B / scale[:, None], S.C * scale
     unit = float(np.linalg.norm(A)) or 1.0  # unit of time, so that no magnitude depends on it
     A, B, C, none = A / unit, B / unit**0.5, C / unit**0.5, np.zeros((n, n))
-    if abs(D) > _DIRECT:
-        into, out_of = np.concatenate([B, B]), np.concatenate([C, sign * C], axis=1) / D
-        zeros = np.linalg.eigvals(blocks([[A, none], [none, -A]]) - into @ out_of)
-    else:
-        pencil = blocks([[A, none, B], [none, -A, B], [C, sign * C, np.array([[D]])]])
-        zeros = linalg.eigvals(pencil, np.diag(np.append(np.ones(2 * n), 0.0)))
+    pencil = blocks([[A, none, B], [none, -A, B], [C, sign * C, np.array([[D]])]])
+    zeros = linalg.eigvals(pencil, np.diag(np.append(np.ones(2 * n), 0.0)))
     return unit * zeros[np.abs(zeros) <= _FASTEST]
 
 
