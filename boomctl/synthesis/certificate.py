@@ -20,11 +20,6 @@ if TYPE_CHECKING:
     import control
 
 
-# Methods of a norm on a full plant that is not available.
-NOT_COMPUTED = "not computed"
-UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
-
-
 class Design:
     """Controller and closed loop of a design, converted to python-control systems on first access.
 

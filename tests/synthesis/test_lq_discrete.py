@@ -126,17 +126,6 @@ def test_the_certificate_says_which_solver_answered():
     assert mirrored.poles == pytest.approx(1.0 / 1.5)
 
 
-def test_fast_sampling_comes_near_the_continuous_regulator():
-    mass = control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0, inputs="force", outputs="place")
-    exact = bc.lqr(mass, None, 1.0, output_weight={"place": 1.0}).gain
-    errors = []
-    for dt in (0.02, 0.01, 0.005):
-        sampled = control.sample_system(mass, dt, name="mass")
-        errors.append(np.abs(bc.lqr(sampled, None, dt, output_weight={"place": dt}).gain - exact).max())
-    assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
-    assert errors[1] / errors[2] == pytest.approx(2.0, rel=0.1)
-
-
 def test_integral_action_leaves_no_error():
     A, B = [[0.9, 0.1], [-0.1, 0.9]], [[0.0, 0.1], [0.1, 0.0]]
     plant = control.ss(A, B, [[1.0, 0.0]], 0.0, 0.1, inputs=["force", "wind"], outputs="place")

@@ -146,8 +146,6 @@ def test_a_structure_gives_the_controller_that_its_numbers_say(name):
             wanted = (
                 matrix("proportional") + matrix("integral") / s + matrix("derivative") * s / (s / v["filter"] + 1.0)
             )
-        elif name == "lead":
-            wanted = matrix("gain") * (s / v["zero"] + 1.0) / (s / v["pole"] + 1.0)
         elif name == "ppf":
             parts = [(v[f"frequency{k}"], v[f"damping{k}"], matrix(f"ppf{k}")) for k in (1, 2)]
             wanted = sum(G / (s**2 / w**2 + 2.0 * z * s / w + 1.0) for w, z, G in parts)

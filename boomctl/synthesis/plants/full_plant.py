@@ -25,12 +25,15 @@ from boomctl.lti.modal import partial_fractions, sides
 from boomctl.lti.system import ClosedLoop, Lti, of
 from boomctl.printing import compact
 from boomctl.reduction.result import ReductionResult
-from boomctl.synthesis.certificate import NOT_COMPUTED, UNDEFINED, DesignCertificate
+from boomctl.synthesis.certificate import DesignCertificate
 from boomctl.synthesis.plants.partition import GeneralizedPlant, cancelled
 
 if TYPE_CHECKING:
     import control
 
+# Methods of a norm on a full plant that is not available.
+_NOT_COMPUTED = "not computed"
+_UNDEFINED = "not defined, because states of the reduced plant have weights or noise"
 _ORIGIN = "_boomctl_reduced_plant"  # Attribute of a generalized plant with its `ReducedPlant`.
 _MAX_POLES = 800  # States of a full loop whose poles are computed, in two seconds.
 _MAX_NORM = 200  # States of a full loop whose norm is computed, in a second.
@@ -105,7 +108,7 @@ def evaluate_on_full_plant(
     ratio = _small_gain(reduction, plant, K)
     size = reduction.full_order + len(plant.A) - reduction.order + len(K.A)  # with weights and controller
     stable, slowest = True if ratio < 1.0 else None, nan
-    kind, why = ("h2", UNDEFINED) if reduced is None else (reduced.kind, NOT_COMPUTED)
+    kind, why = ("h2", _UNDEFINED) if reduced is None else (reduced.kind, _NOT_COMPUTED)
     norm = NormBounds(0.0, inf, nan, why, kind=kind)
     stages = [f"small gain {ratio:.3g}"]
     if size <= _MAX_POLES:
@@ -125,7 +128,7 @@ def evaluate_on_full_plant(
             norm = matrices_h2_norm(cancelled(parts.system, full.D11)) if kind == "h2" else matrices_norm(parts)
             stages.append(f"norm: {norm.method}")
     summary = _summary(reduction, stable, ratio, slowest, norm)
-    known = inf if reduced is None or norm.method == NOT_COMPUTED else reduced.value
+    known = inf if reduced is None or norm.method == _NOT_COMPUTED else reduced.value
     if not stable or norm.value > _WARNING_FACTOR * known:
         warn_user(f"The controller was designed on a reduced plant: {summary}.", ReductionWarning)
     fastest, source = float(np.abs(K.poles).max(initial=0.0)), "none: computed for the reduced plant"
@@ -135,26 +138,23 @@ def evaluate_on_full_plant(
 def _summary(reduction: ReductionResult, stable: bool | None, ratio: float, slowest: float, norm: NormBounds) -> str:
     plant = f"on the full plant of {reduction.full_order} states"
     gain = f"K S times the reduction error: norm at most {ratio:.3g}"
-    if stable:
-        how = f"proved: {gain}" if ratio < 1.0 else f"by its poles, largest real part {slowest:.3g} rad/s"
-        return f"stable {plant} ({how}){_norm_text(norm)}"
-    result = f"stability is not proved {plant}; {gain} (must be below 1)"
-    if stable is False:
-        result = f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}"
-    return f"{result}; increase the order of the reduction"
-
-
-def _norm_text(norm: NormBounds) -> str:
-    """Return a norm on a full plant as text, empty if it was not computed."""
-    if norm.method == NOT_COMPUTED:
-        return ""
-    if norm.method == UNDEFINED:
-        return f"; its cost there is {UNDEFINED}"
-    if norm.kind == "h2":
-        return f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({norm.status})"
-    if isfinite(norm.upper_bound):
-        return f"; its norm there is {norm.upper_bound:.6g}"
-    return f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
+    if not stable:
+        result = f"stability is not proved {plant}; {gain} (must be below 1)"
+        if stable is False:
+            result = f"UNSTABLE {plant} (a pole with real part {slowest:.3g} rad/s); {gain}"
+        return f"{result}; increase the order of the reduction"
+    how = f"proved: {gain}" if ratio < 1.0 else f"by its poles, largest real part {slowest:.3g} rad/s"
+    if norm.method == _NOT_COMPUTED:
+        cost = ""
+    elif norm.method == _UNDEFINED:
+        cost = f"; its cost there is {_UNDEFINED}"
+    elif norm.kind == "h2":
+        cost = f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({norm.status})"
+    elif isfinite(norm.upper_bound):
+        cost = f"; its norm there is {norm.upper_bound:.6g}"
+    else:
+        cost = f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
+    return f"stable {plant} ({how}){cost}"
 
 
 def _small_gain(reduction: ReductionResult, plant: GeneralizedPlant, K: Lti) -> float:
