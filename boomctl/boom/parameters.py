@@ -15,14 +15,8 @@ _HINGE_TOLERANCE = 1e-3  # Largest change of mass or inertia at the hinge withou
 _TUBE = ("density", "length", "outer_width", "inner_width", "outer_height", "inner_height")
 _LESS_THAN = {"inner_width": "outer_width", "inner_height": "outer_height", "spring_distance": "length"}
 _FIRST = 1.8751040687119611  # first root of cos x cosh x = -1: a clamped beam's lowest mode
-_MAY_BE_ZERO = (
-    "cradle_damping",
-    "hinge_damping",
-    "stiffness_damping",
-    "spring_stiffness",
-    "inner_width",
-    "inner_height",
-)
+_DAMPING = ("cradle_damping", "hinge_damping", "stiffness_damping")
+_MAY_BE_ZERO = (*_DAMPING, "spring_stiffness", "inner_width", "inner_height")
 
 
 class BoomChanges(TypedDict, total=False):
