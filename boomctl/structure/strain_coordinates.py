@@ -21,7 +21,7 @@ from boomctl.structure.ports import Ports
 
 # Smallest singular value of rows of size one below which coordinates are equilibrated and the rank is determined; short
 # elements next to long ones also cause small singular values.  Their squares, of a Gram matrix, are still far above rounding.
-_CLEAR = 1e-5
+_CLEAR = 1e-4
 _EVENED = 30  # Iterations of equilibration; each takes the square root of the imbalance.
 
 
