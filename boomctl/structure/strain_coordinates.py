@@ -215,5 +215,5 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     damped[:, n - free :] = 0.0
     forces = np.zeros_like(R)
     forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
-    N = np.linalg.qr(inertia @ V, mode="r")
+    N = np.triu(lapack.dgeqrf(inertia @ V)[0][:n])
     return StrainForm(V, N, Q.T @ (loss[:, None] * Q) + damped.T @ damped, r, free, forces)
