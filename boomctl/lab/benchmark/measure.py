@@ -8,7 +8,7 @@ run time.  Both include everything that is built from the parameters.
 import gc
 import os
 import pickle
-import resource
+import re
 import subprocess
 import sys
 import time
@@ -31,6 +31,7 @@ _MOST_CALLS = 200  # hot calls in a process: the median of so many lies within a
 _LONG = 20.0  # s of a first call that is also the later one: what only a first call does is a small part of it
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _KIBIBYTE = 1024.0  # bytes: unit of the resident memory that Linux reports
+_STATUS = Path("/proc/self/status")  # has the largest one since the program began; getrusage: with that of its parent
 _WORDS = 160  # characters of a message that are shown
 
 
@@ -93,7 +94,7 @@ def _point(scene: Scene, problem: Any, reference: Any, setting: Setting, runs: l
     cold, cold_processor = (median(values) for values in zip(*(run["cold"] for run in runs), strict=True))
     hot, hot_processor = (median(values) for values in zip(*(turn for run in runs for turn in run["hot"]), strict=True))
     times = {"cold": cold, "hot": hot, "cold_processor": cold_processor, "hot_processor": hot_processor}
-    return replace(point, error=error, memory=max(run["memory"] for run in runs), **times)
+    return replace(point, error=error, memory=max(filter(None, (run["memory"] for run in runs)), default=None), **times)
 
 
 def _in_new_process(location: str, index: int, duration: float, time_limit: float) -> dict[str, Any]:
@@ -125,7 +126,8 @@ def main(location: str, index: str, duration: str, stored: str) -> None:
         while not hot or (sum(turn[0] for turn in hot) < float(duration) and len(hot) < _MOST_CALLS):
             low, high = _CHANGES
             hot.append(_timed(setting, problem, low + (high - low) * ((len(hot) + 1) * _GOLDEN % 1.0))[1:])
-        memory = _KIBIBYTE * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        peak = re.search(r"VmHWM:\s+(\d+) kB", _STATUS.read_text()) if _STATUS.exists() else None
+        memory = None if peak is None else _KIBIBYTE * int(peak[1])
         result = {"answer": None if setting.size else answer, "cold": cold, "hot": hot, "memory": memory}
     except Exception as raised:  # Any exception is the reason of the failure.
         result = {"failed": f"{type(raised).__name__}: {' '.join(str(raised).split())}"[:_WORDS]}
