@@ -707,7 +707,7 @@ def _checked_times(value: ArrayLike) -> Array:
     if not timepts.size:
         raise ValueError("timepts: expected at least one time [s], got none")
     if timepts[0] < 0.0:
-        raise ValueError(f"timepts[0] = {timepts[0]!r}: expected times >= 0; a maneuver starts at 0")
+        raise ValueError(f"timepts[0] = {exactly(timepts[0])}: expected times >= 0; a maneuver starts at 0")
     gap = float((timepts[1:] - timepts[:-1]).min(initial=np.inf))
     if gap <= 0.0:
         raise ValueError("timepts: expected strictly ascending times")

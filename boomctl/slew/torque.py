@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, plain_array
+from boomctl.checks import finite_array, plain_array, shown
 from boomctl.maneuvers import TorqueDriven
 from boomctl.printing import count
 
@@ -43,6 +43,14 @@ class TorqueProfile(TorqueDriven):
     def __post_init__(self) -> None:
         for name in ("edges", "start_values", "end_values"):
             object.__setattr__(self, name, finite_array(name, getattr(self, name), 1))
+        edges, intervals = self.edges, self.edges.size - 1
+        if intervals < 1 or edges[0] != 0.0 or (np.diff(edges) < 0.0).any():
+            raise ValueError(f"edges = {shown(edges.tolist())}: expected at least two ascending times [s], from 0 on")
+        for name in ("start_values", "end_values"):
+            if getattr(self, name).size != intervals:
+                raise ValueError(
+                    f"{name}: expected {intervals} torques, one an interval, got {getattr(self, name).size}"
+                )
 
     def __repr__(self) -> str:
         switching = f", {count(len(self.switching_times), 'switch', 'switches')}" if self.switching_times.size else ""
@@ -53,8 +61,8 @@ class TorqueProfile(TorqueDriven):
         """Return the torque at times t [s], N m; the value after a jump, and at the end the last one."""
         t = plain_array("t", t)
         k = np.minimum(np.maximum(self.edges.searchsorted(t, "right") - 1, 0), self.start_values.size - 1)
-        slope = (self.end_values - self.start_values) / np.diff(self.edges)
-        value = self.start_values[k] + slope[k] * (t - self.edges[k])
+        slope = (self.end_values - self.start_values)[k] / np.diff(self.edges)[k]
+        value = self.start_values[k] + slope * (t - self.edges[k])
         return np.where((t >= 0.0) & (t <= self.edges[-1]), value, 0.0)
 
     def torque(self, t: ArrayLike) -> Array:

@@ -43,19 +43,19 @@ def tracked(**options):
 
 
 REFUSED = r"""
-turned(duration=1.0) -> duration = 1 s: too short for a change of angle by 1;
-turned(duration=3.0, speed_limit=0.1) -> at speed_limit = 0.1, which takes at least 10 s
+turned(duration=1.0) -> SlewError: duration = 1 s: too short for a change of angle by 1;
+turned(duration=3.0, speed_limit=0.1) -> SlewError: at speed_limit = 0.1, which takes at least 10 s
 turned(rigid(1.0), 2.0, 5.0, duration=1.0, speed_limit=1.0, final_speed=0.5)
-    -> ^duration = 1 s: too short for a change of angle by 2 at speed_limit = 1, which takes at least 2 s$
-turned(rigid(1.0), None, 5.0, duration=1.0, speed_limit=1.0, final_state=[2.0, 0.5]) -> ^duration = 1 s: too short
+    -> SlewError: ^duration = 1 s: too short for a change of angle by 2 at speed_limit = 1, which takes at least 2 s$
+turned(rigid(1.0), None, 5.0, duration=1.0, speed_limit=1.0, final_state=[2.0, 0.5]) -> SlewError: ^duration = 1 s: too short
 # no margin for a beam's bending: the bound is exact
 beam(objective="effort", duration=3.2, speed_limit=0.3)
-    -> ^duration = 3\.2 s: too short for 1 rad at speed_limit = 0\.3 rad/s, which takes at least 3\.333334 s$
-turned(angle=None, duration=3.0, final_speed=2.0, speed_limit=1.0) -> final_speed
-turned(duration=4.0, torque_rate_limit=50.0) -> torque_rate_limit = 50, or needs
+    -> SlewError: ^duration = 3\.2 s: too short for 1 rad at speed_limit = 0\.3 rad/s, which takes at least 3\.333334 s$
+turned(angle=None, duration=3.0, final_speed=2.0, speed_limit=1.0) -> SlewError: final_speed
+turned(duration=4.0, torque_rate_limit=50.0) -> SlewError: torque_rate_limit = 50, or needs
 turned() -> duration
-turned(LOADED, torque_limit=1e6, objective="time") -> torque_limit = 1e\+06 N m: bends
-masses(initial_state=[0.0, 0.0, 2.0, 2.0], speed_limit=1.0) -> speed_limit = 1: the initial_state has 2 at
+turned(LOADED, torque_limit=1e6, objective="time") -> SlewError: torque_limit = 1e\+06 N m: bends
+masses(initial_state=[0.0, 0.0, 2.0, 2.0], speed_limit=1.0) -> SlewError: speed_limit = 1: the initial_state has 2 at
 masses(duration=2.0) -> duration
 masses(angle=0.0) -> end state already
 masses(None, "effort", 2.0) -> end state already
@@ -80,6 +80,9 @@ rest_to_rest_torque("bang-bang", input_shaper("ZV", 1.0), 0.0, 1.0, 1.0) -> angl
 input_shaper("EI", 1.0, level=2.0) -> level = 2\.0
 compare_slews(bc.hub_beam(modes=1), None, 200.0, final_speed=0.0) -> final_speed
 compare_slews(bc.hub_beam(modes=1), 1.0, 9.0, {"a": 5}) -> optimal
+TorqueProfile([0, 2, 1], [1, 1], [1, 1]) -> edges = \[0\.0, 2\.0, 1\.0\]: expected at least two ascending times
+TorqueProfile([1, 2], [1], [1]) -> edges = \[1\.0, 2\.0\]: .* from 0 on
+TorqueProfile([0, 1], [1], [1, 2]) -> end_values: expected 1 torques, one an interval, got 2
 # feedback along a slew
 tracked(torque_limit=100.0) -> torque_limit = 100: expected at least 140 N m
 tracked(measurements=("hub_angle",)) -> noise: expected a standard deviation above zero for each measurement
@@ -92,7 +95,7 @@ tracked().monte_carlo(4, friction=[1.0, 2.0, 3.0]) -> friction has shape
 tracked().monte_carlo(4, settling_time=99.0) -> settling_time = 99
 # a tolerance that the torque planned without axial modes does not meet
 bc.optimal_slew(bc.hub_beam(tip_mass=0.3, model="foam", modes=2), 1.0, 300.0, "effort", 3.0, rtol=1e-9)
-    -> ^the replay ends .*e-06 off the end state; .* A larger rtol may do
+    -> SlewError: ^the replay ends .*e-06 off the end state; .* A larger rtol may do
 """
 
 
