@@ -13,9 +13,12 @@ from boomctl import __version__
 from boomctl.analysis.box.robustness import RobustStability
 from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.analysis.box.worst_case import WorstCase
+from boomctl.analysis.norm import NormBounds
 from boomctl.exchange.controller_files import controller_contents
 from boomctl.printing import compact, table_html
 from boomctl.report import Report, Section, Table, number
+
+PEAK_DIGITS = 4  # Significant digits of peaks in tables.
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +104,12 @@ def _cell(value: Any) -> str:
 def word_table(texts: Mapping[str, str], heads: tuple[str, str] = ("synthesis", "result")) -> Table:
     """Return texts by name as a table."""
     return Table(heads, tuple(texts.items()), align="l")
+
+
+def peak_finding(name: str, bounds: NormBounds, key: str = "") -> Finding:
+    """Return the largest singular value of a system; the method of one that is not verified is the reason."""
+    text = number(bounds.lower_bound, PEAK_DIGITS) + ("" if bounds.verified else ", NOT verified")
+    return Finding(name, text, bounds.lower_bound, bounds.verified, key, bounds.method)
 
 
 def stability_finding(name: str, result: RobustStability, K: Any) -> Finding:

@@ -18,10 +18,18 @@ from boomctl.checks import instance, known, names, positive, signal_name
 from boomctl.lti.modal import side_of_axis
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
-from boomctl.report import Section, Table, number
+from boomctl.report import Section, Table
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
-from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_table, stability_finding, word_table
+from boomctl.studies.evaluation import (
+    Design,
+    Evaluation,
+    Finding,
+    finding_table,
+    peak_finding,
+    stability_finding,
+    word_table,
+)
 from boomctl.threads import one_blas_thread
 
 
@@ -195,9 +203,9 @@ class MachineResult(Evaluation):
         yield Section("Synthesis", self.design.notes, (word_table(self.words),) if self.words else ())
         held = Finding("closed loop", "stable" if self.stable else "NOT stable", method="poles of the loop")
         peaks = {"without controller": self.before, "with controller": self.after}
-        checked = [held] + [
-            Finding(f"largest singular value {name}", number(item.peak, 4), method=item.certificate.method)
-            for name, item in peaks.items()
+        checked = [
+            held,
+            *(peak_finding(f"largest singular value {name}", item.certificate) for name, item in peaks.items()),
         ]
         if self.robust is not None:
             checked.append(stability_finding("stability over the family", self.robust, self.design.controller))

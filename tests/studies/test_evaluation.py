@@ -14,7 +14,7 @@ from boomctl.analysis import NormBounds
 from boomctl.boom.tracks import GROUND_LENGTH
 from boomctl.files import plain
 from boomctl.structure import SecondOrderModel
-from boomctl.studies.evaluation import Finding, numbers, table_of, words
+from boomctl.studies.evaluation import Finding, numbers, peak_finding, table_of, words
 from boomctl.studies.slew import SlewEvaluation
 from boomctl.studies.suspension import (
     MASS,
@@ -25,7 +25,6 @@ from boomctl.studies.suspension import (
     assurance,
     evaluate_suspension,
 )
-from boomctl.studies.suspension.performance import _peak
 
 SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
 DAMPER = control.ss(-20.0, 20.0, 40.0, -40.0, inputs="position", outputs="force")
@@ -66,7 +65,7 @@ def test_findings_become_words_numbers_and_tables():
 def test_peak_and_margins_without_certificate_say_so():
     """Of a suspension whose peaks, and whose disk margin, could not be shown to be as large as that."""
     norm = NormBounds(2.0, np.inf, 1.0, "not found")
-    assert [_peak("", each, "").text for each in (norm, replace(norm, upper_bound=2.0, verified=True))] == [
+    assert [peak_finding("", each, "").text for each in (norm, replace(norm, upper_bound=2.0, verified=True))] == [
         "2.000, NOT verified",
         "2.000",
     ]

@@ -1,6 +1,7 @@
 """A controller for a machine of one's own: peaks, margins, stability over a family, and files of the controller."""
 
 import json
+from dataclasses import replace
 
 import control
 import pytest
@@ -39,6 +40,13 @@ def test_a_loop_that_is_not_stable_is_said_to_be():
     written = json.loads(json.dumps(result.to_dict()))
     assert written["after"]["peak"] is None
     assert "controller.json" in result.report().files
+
+
+def test_peak_that_is_not_verified_is_said_to_be(monkeypatch):
+    result = made().evaluate()
+    unsure = replace(result.after.certificate, verified=False)
+    monkeypatch.setattr(type(result.after), "certificate", unsure)
+    assert result.report().html.count("0.2783, NOT verified</td>") == 2
 
 
 SPRINGS = AffineFamily.from_function(

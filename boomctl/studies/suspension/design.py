@@ -17,9 +17,18 @@ from boomctl.lti.python_control import control
 from boomctl.printing import compact
 from boomctl.report import Section, Table, number
 from boomctl.structure.families import AffineFamily
-from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_table, numbers, word_table, words
+from boomctl.studies.evaluation import (
+    PEAK_DIGITS,
+    Design,
+    Evaluation,
+    Finding,
+    finding_table,
+    numbers,
+    word_table,
+    words,
+)
 from boomctl.studies.suspension.assurance import Examined
-from boomctl.studies.suspension.performance import PEAK_DIGITS, Performance, evaluate_suspension
+from boomctl.studies.suspension.performance import Performance, evaluate_suspension
 from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScenario
 from boomctl.threads import one_blas_thread
 

@@ -15,17 +15,15 @@ from boomctl.boom.spray import SprayResult, nozzle_positions, spray_deposit_comp
 from boomctl.checks import nonnegative
 from boomctl.lti.python_control import control
 from boomctl.printing import compact
-from boomctl.report import number
 from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
 from boomctl.structure.model import SecondOrderModel
-from boomctl.studies.evaluation import Finding, numbers
+from boomctl.studies.evaluation import Finding, numbers, peak_finding
 from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScenario, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
 from boomctl.threads import one_blas_thread
 
 _FREQUENCIES = np.geomspace(0.15, 130.0, 400)  # [rad/s], in addition to those that resolve the peaks.
-PEAK_DIGITS = 4  # Significant digits of peaks in tables.
 _RUN = "simulation"
 
 
@@ -68,9 +66,9 @@ class Performance:
         spray, controlled, hits = self.spray, self.run.saturation_fraction, len(self.run.stop_contacts)
         force, rate = (f"{self.force:.1f}", f"{self.force_rate:.0f}") if controlled else ("-", "-")
         return (
-            _peak("verified peak, platform to tips", self.sigma.certificate, "peak"),
-            _peak("verified peak of the yaw", self.yaw, "yaw_peak"),
-            _peak("verified peak of the jolt", self.jolt, "jolt_peak"),
+            peak_finding("verified peak, platform to tips", self.sigma.certificate, "peak"),
+            peak_finding("verified peak of the yaw", self.yaw, "yaw_peak"),
+            peak_finding("verified peak of the jolt", self.jolt, "jolt_peak"),
             _percent("deposit CV [%]", spray.cv, "deposit_cv"),
             _percent("share outside ±10 % [%]", spray.share_outside_10, "share_outside_10"),
             _percent("share outside ±20 % [%]", spray.share_outside_20, "share_outside_20"),
@@ -122,11 +120,6 @@ class Performance:
         time, forces = self.run.time, self.run.controls.values()
         step, evaluated = max(self.run.sample_time, time[1] - time[0]), time >= time[0] + self.warmup_time
         return max((float(np.abs(np.diff(force[evaluated])).max()) / step for force in forces), default=0.0)
-
-
-def _peak(name: str, bounds: NormBounds, key: str) -> Finding:
-    text = number(bounds.lower_bound, PEAK_DIGITS) + ("" if bounds.verified else ", NOT verified")
-    return Finding(name, text, bounds.lower_bound, bounds.verified, key, bounds.method)
 
 
 def _percent(name: str, value: float, key: str = "") -> Finding:
