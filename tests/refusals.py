@@ -1,8 +1,8 @@
 """Tables of refusals: a row holds a call and the words in which it is refused, a regular expression.
 
-Rows are ``CALL -> WORDS``; an indented line continues a row, ``#`` begins a comment.  A call may use all public names and
-those of its file.  Tables are for combinations of arguments: `tests.fuzz` tries wrong kinds, shapes and numbers in every
-argument of every public function.
+Rows are ``CALL -> WORDS``, or ``CALL -> ERROR: WORDS`` where it is neither a TypeError nor a ValueError; an indented line
+continues a row, ``#`` begins a comment.  A call may use all public names and those of its file.  Tables are for
+combinations of arguments: `tests.fuzz` tries wrong kinds, shapes and numbers in every argument of every public function.
 """
 
 import re
@@ -14,9 +14,8 @@ import pytest
 
 import boomctl as bc
 from tests import handed_out
-from tests.public import public
+from tests.public import EXCEPTIONS, public
 
-ERRORS = (TypeError, ValueError, AttributeError, ArithmeticError, RuntimeError)
 NAMES = {"bc": bc, "control": control, "np": np, "one": handed_out, "replace": replace, "T": bc.tunable}
 NAMES |= {name.rpartition(".")[2]: value for name, value in public().items()}
 
@@ -28,11 +27,14 @@ def refusals(quick, slow=""):
         for table, marks in ((quick, ()), (slow, pytest.mark.slow))
         for call, words in re.findall(r"^(?![# \n])(.+?(?:\n +.+?)*?)\s+-> (.+)$", table, flags=re.MULTILINE)
     ]
+    assert len(rows) == f"{quick}{slow}".count(" -> "), "rows that cannot be read"
     return pytest.mark.parametrize(("call", "words"), rows)
 
 
 def assert_refused(call, words, names):
-    """Assert that a call is refused in one line, in the words of its row; names are those of the table's file."""
-    with np.errstate(all="ignore"), pytest.raises(ERRORS, match=words) as refused:
+    """Assert that a call is refused in one line, by the error and in the words of its row; names: of the table's file."""
+    kind, text = re.fullmatch(r"(?:(\w+Error): )?(.+)", words).groups()
+    expected = eval(kind or "TypeError, ValueError", {**EXCEPTIONS})
+    with np.errstate(all="ignore"), pytest.raises(expected, match=text) as refused:
         eval(call, NAMES | names)
     assert "\n" not in str(refused.value)

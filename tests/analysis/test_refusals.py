@@ -59,7 +59,7 @@ bc.bode(PLANT, [1.0])["y"] -> result\['output', 'input'\]
 bc.step(PLANT, [0.0, 0.1, 0.3]) -> timepts: expected
 bc.step(PLANT, [0.1, 0.2]) -> timepts: expected
 bc.step(siso(3.0), 1e4) -> overflow
-bc.nyquist(double_integrator([[1.0, 0.0]])) -> encirclements are not determined|boundary|pole on
+bc.nyquist(double_integrator([[1.0, 0.0]])) -> ArithmeticError: encirclements are not determined|boundary|pole on
 bc.nyquist(control.ss(-1.0, [[1.0, 1.0]], 1.0, [[0.0, 0.0]])) -> as many outputs as inputs
 bc.nyquist(PLANT, delay=1.0) -> without a controller
 bc.compare({"run": one.loop()}).plot(kind="margins") -> unknown kind

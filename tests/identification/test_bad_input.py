@@ -80,7 +80,8 @@ fit(initial=None) -> initial: expected the parameters to begin from
 fit(initial=3.0) -> initial: expected a dataclass or a mapping
 fit(weights=[1.0, -1.0, 1.0]) -> `weights` must be zeros and numbers above 1e-50, got -1 to 1
 fit(weights=[1.0, 1.0]) -> `weights` must have the measured shape
-bc.fit(narrow, [4.0], ["k"], {"k": 4.0}, n_starts=1) -> raises at all values near k = 4\. Use a range that ends
+bc.fit(narrow, [4.0], ["k"], {"k": 4.0}, n_starts=1)
+    -> ArithmeticError: raises at all values near k = 4\. Use a range that ends
 # responses
 fit_boom(inputs="nobody") -> unknown input 'nobody'
 fit_boom(modes=[1]) -> modes: expected None

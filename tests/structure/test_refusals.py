@@ -152,7 +152,7 @@ one.boom().to_statespace(dt=-1.0) -> dt = -1\.0: expected
 bc.spray_boom(excitation="force").ports.L[0].fill(1.0) -> read-only
 # other kinds, and what makes the right one
 one.boom() * one.boom() -> its \.to_statespace\(\) is
-one.boom().A -> no attribute 'A'; its \.to_statespace\(\) has
+one.boom().A -> AttributeError: no attribute 'A'; its \.to_statespace\(\) has
 bc.sigma(one.machine()) -> got Assembly; its \.assemble\(\) is one
 bc.sigma(one.family()) -> got AffineFamily; its \.at\(\.\.\.\) is one
 bc.hinf_norm(bc.reduce(one.mass(), order=2)) -> got ReductionResult; its \.system is one

@@ -89,13 +89,13 @@ regulated(controls=[]) -> `controls` must have at least one
 regulated(None) -> `Q` or `output_weight` must be given
 bc.lqr(control.ss([], [], [], [[1.0]]), 1.0, 1.0) -> at least one state
 bc.lqr(MODES, 1.0, 1.0, N=[[1.0]]) -> `N` must have the shape .*, states by controls, got \(1, 1\)
-bc.lqr(two_modes((1, 1, 1, 0), (1, 1, 1, 1)), 1.0, 1.0, controls="u") -> 3 rad/s .*uncontrollable from u
-bc.lqr(MODES, None, 1.0, output_weight={"q": 0.0}) -> mode at 2 rad/s .*no part in any weight
-bc.lqr(STUCK, 1.0, 1.0) -> not stabilizable: the mode at .* \(unstable
-bc.lqr(UNSEEN, None, 1.0, output_weight=1.0) -> undamped and has no part in any weight
-bc.kalman(UNSEEN, 1.0, 1.0) -> not detectable: the mode at 0 rad/s
-bc.kalman(two_modes((1, 1, 1, 1), (1, 1, 1, 0)), 1.0, 1.0, measurements="y") -> 3 rad/s .*unobservable from y
-bc.kalman(two_modes((1, 1, 0, 1), (1, 1, 1, 1)), {"d": 1.0}, 1.0) -> 3 rad/s .*not excited by any process
+bc.lqr(two_modes((1, 1, 1, 0), (1, 1, 1, 1)), 1.0, 1.0, controls="u") -> SynthesisError: 3 rad/s .*uncontrollable from u
+bc.lqr(MODES, None, 1.0, output_weight={"q": 0.0}) -> SynthesisError: mode at 2 rad/s .*no part in any weight
+bc.lqr(STUCK, 1.0, 1.0) -> SynthesisError: not stabilizable: the mode at .* \(unstable
+bc.lqr(UNSEEN, None, 1.0, output_weight=1.0) -> SynthesisError: undamped and has no part in any weight
+bc.kalman(UNSEEN, 1.0, 1.0) -> SynthesisError: not detectable: the mode at 0 rad/s
+bc.kalman(two_modes((1, 1, 1, 1), (1, 1, 1, 0)), 1.0, 1.0, measurements="y") -> SynthesisError: 3 rad/s .*unobservable from y
+bc.kalman(two_modes((1, 1, 0, 1), (1, 1, 1, 1)), {"d": 1.0}, 1.0) -> SynthesisError: 3 rad/s .*not excited by any process
 bc.kalman(MASS, -1.0, 1.0) -> `process_noise` must be positive semidefinite, got an eigenvalue
 bc.lqg(UNSEEN, 1.0, 1.0, 1.0, 1.0, ltr_intensity=0.5) -> `ltr_intensity` must be 0 for a discrete system
 recovered(band=(3.0, 1.0)) -> `omega_range` must be two nonnegative numbers, ascending
@@ -126,18 +126,18 @@ bc.low_pass(1.0, 0.0) -> corner
 bc.synthesis.high_pass(1.0, 1.0, order=3) -> order = 3: expected a whole number of at most 2
 bc.synthesis.band_pass(1.0, 2.0, 1.0) -> `low` must be less than `high`
 # assumptions
-bc.h2(integrator(((3, 0, 0), (0, 0, 1), (0, 1, 0))), 1, 1) -> 'w0' has a feedthrough 3 to .* 'z0'
-bc.h_infinity(noiseless(), 1, 1) -> D21.*measurement 'place'.*noise
-bc.h_infinity(bc.mixed_sensitivity(LAG, W1=1.0), 1, 1) -> D12.*control 'u'.*effort weight
+bc.h2(integrator(((3, 0, 0), (0, 0, 1), (0, 1, 0))), 1, 1) -> SynthesisError: 'w0' has a feedthrough 3 to .* 'z0'
+bc.h_infinity(noiseless(), 1, 1) -> SynthesisError: D21.*measurement 'place'.*noise
+bc.h_infinity(bc.mixed_sensitivity(LAG, W1=1.0), 1, 1) -> SynthesisError: D12.*control 'u'.*effort weight
 bc.h_infinity(dependent([[0, 0, 0, 0], [0, 0, 1, 1], [0, 1, 0, 0], [0.5, 0, 0, 0]]), 2, 2)
-    -> combination of the controls 'left', 'right'
+    -> SynthesisError: combination of the controls 'left', 'right'
 bc.h2(dependent([[0, 0, 1, 0], [0, 0, 0, 1], [0, 1, 0, 0], [0, 2, 0, 0]]), 2, 2)
-    -> combination of the measurements 'a', 'b'
+    -> SynthesisError: combination of the measurements 'a', 'b'
 bc.h_infinity(made([[-1, 0], [1, 0]], [[1, 0, 1], [0, 0, 0]], [[0, 1], [0, 0], [1, 0]], np.eye(3)[[0, 2, 1]] * [[0, 1, 1]],
     states=['plant', 'weight']), 1, 1)
-    -> not detectable.*integrating.*'weight'
+    -> SynthesisError: not detectable.*integrating.*'weight'
 bc.h2(control.ss(SAMPLED.A, SAMPLED.B, SAMPLED.C, SAMPLED.D * [[1, 1, 0], [1, 1, 0], [1, 1, 1]], 0.1), 1, 1)
-    -> control .* has no weight .* at the sample at which it acts
+    -> SynthesisError: control .* has no weight .* at the sample at which it acts
 bc.h_infinity(SAMPLED, 1, 1, fastest_pole=10.0) -> ^`fastest_pole` must be None for a discrete plant
 # what a controller can be
 bc.discretize(control.ss([[0.5]], [[1]], [[1]], 0, 0.1), 0.1) -> sampling time of 0.1 s
@@ -145,7 +145,7 @@ bc.discretize(MODEL, 0.1) -> structure by its \.to_statespace\(dt=0\.1\)
 bc.discretize(LAG, 0.1, "zoh", prewarp_omega=1.0) -> `prewarp_omega` must be None unless
 bc.discretize(LAG, 0.1, prewarp_omega=100.0) -> `prewarp_omega` must be less than pi
 bc.discretize(LAG, 0.1, samples_per_period=1.0) -> `samples_per_period` must be at least 2
-bc.reduce_controller(made(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0) -> real part 1 rad/s
+bc.reduce_controller(made(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0) -> SynthesisError: real part 1 rad/s
 bc.reduce_controller(P, bc.h2(P), order=99) -> `order` must be at most
 bc.reduce_controller(SAMPLED, half("a", 0.1), fastest_pole=1.0) -> `fastest_pole` must be None for a discrete con
 bc.join_symmetric(MODEL, half("anti", force="sym"), half("anti")) -> 'stroke_anti' of the symmetric contr

@@ -431,11 +431,12 @@ tuned([lag(), swing(0, 2, 1, 1)]) -> model 2
 tuned(oscillator, DAMPER + WIDER, 0, 0) -> twice
 tuned(structure=T.gain() + DAMPER) -> function
 tuned(weighed, T.gain() + T.plant_parameter("m", 0.1, 1.0), family=family()) -> parameter of the family
-tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)) -> not stabilizable
-tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)) -> no controller of this structure
-tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)]) -> no controller found meets all limits
-tuned(lag(-1.0), max_gain=0.5) -> ^no controller found satisfies max_gain = 0\.5: it reaches 1\.0000
-tuned(lag(-1.0), time_limit=1e-6) -> in the time allowed
+tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)) -> SynthesisError: not stabilizable
+tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)) -> SynthesisError: no controller of this structure
+tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)])
+    -> SynthesisError: no controller found meets all limits
+tuned(lag(-1.0), max_gain=0.5) -> SynthesisError: ^no controller found satisfies max_gain = 0\.5: it reaches 1\.0000
+tuned(lag(-1.0), time_limit=1e-6) -> SynthesisError: in the time allowed
 tuned(two_by_two(), T.decentralized((["y0", "y1"], "u0", T.notch()), ("y1", "u1", T.gain())), 2, 2)
     -> between 2 measurement\(s\) and 1 control\(s\)
 tuned_from(T.state_space(1), 2) -> initial_controller: .*at most 1 states, got 2
