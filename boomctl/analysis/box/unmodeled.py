@@ -61,8 +61,8 @@ def small_gain(family: Family, K: Any, uncertainty: control.StateSpace, delay: f
     wide, weighed, points = _joined(family, K, bounds, unit)
     signals: Any = [*map(injected, points)], K.output_labels
     worst = partial(worst_case, wide, weighed, *signals, max_cells=max_cells, delay=delay, injection_points=points)
-    result, passing = worst(rtol=None), weighed.select(points, K.output_labels)
-    if not (passing.D.any() or (passing.B.any() and passing.C.any())):  # the control does not depend on the dynamics
+    result, passing = worst(rtol=None), _connected(weighed.select(points, K.output_labels))
+    if not (passing.D.any() or len(passing.A)):  # the control does not depend on the dynamics
         return replace(result, upper_bound=0.0, message="")
     if result.lower_bound >= 1.0 - ROOT:
         return result
@@ -89,13 +89,18 @@ def _bounds(K: Lti, uncertainty: control.StateSpace) -> list[Lti]:
                 f"`additive_uncertainty` must fall with frequency from {u} to {y}, got {abs(entry.D[0, 0]):.4g} at infinite"
                 " frequency, of which samples fold back more than any bound. Multiply it by a low-pass filter."
             )
-        reachable, observable, chain = entry.B.any(axis=1), entry.C.any(axis=0), entry.A != 0.0
-        for _ in range(len(chain)):
-            reachable, observable = reachable | (chain @ reachable), observable | (observable @ chain)
-        own = np.flatnonzero(reachable & observable)
-        entry = Lti(entry.A[np.ix_(own, own)], entry.B[own], entry.C[:, own], entry.D)
+        entry = _connected(entry)
         result.append(_folded(entry, K.dt) if K.dt else entry)
     return result
+
+
+def _connected(system: Lti) -> Lti:
+    """Return a system without the states that no input reaches or no output depends on, by entries that are zero."""
+    reachable, observable, chain = system.B.any(axis=1), system.C.any(axis=0), system.A != 0.0
+    for _ in range(len(chain)):
+        reachable, observable = reachable | (chain @ reachable), observable | (observable @ chain)
+    own = np.flatnonzero(reachable & observable)
+    return Lti(system.A[np.ix_(own, own)], system.B[own], system.C[:, own], system.D)
 
 
 def _folded(W: Lti, dt: float) -> Lti:
