@@ -322,14 +322,14 @@ class Free(TorqueDriven):
 
 
 def spin_up(final_speed: float, duration: float) -> SpinUp:
-    """Spin the hub up smoothly from rest (Bai et al. 2009, Eq. 43).
+    """Return a smooth spin-up of the hub from rest to a constant speed (Bai et al. 2009, Eq. 43).
 
     Parameters
     ----------
     final_speed : float
         Hub speed after the spin-up [rad/s].
     duration : float
-        How long the spin-up lasts [s]; above zero.
+        Duration of the spin-up [s]; above zero.
 
     Returns
     -------
@@ -352,7 +352,7 @@ def spin_up(final_speed: float, duration: float) -> SpinUp:
 
 
 def sine_torque(amplitude: float, period: float, duration: float) -> SineTorque:
-    """Drive the hub by a sine torque that ends (Bai et al. 2009, Eq. 44).
+    """Return a sinusoidal hub torque of finite duration (Bai et al. 2009, Eq. 44).
 
     Parameters
     ----------

@@ -11,10 +11,9 @@
 # %% [markdown]
 # # 1. Singular values of the spray boom
 #
-# A sprayer drives over a rough field. Its boom is 12 m long and only 2 cm deep, so it swings, and some plants get too
-# much and some too little. Before a controller can help, we need a model. This notebook builds it, compares it with
-# the numbers that J. Anthonis and H. Ramon published in 2003 (*Journal of Sound and Vibration* 266, 535-552), and
-# lays a measured curve over it.
+# A sprayer drives over a rough field. Its boom is 12 m long and only 2 cm deep, so that it vibrates, and the spray is
+# uneven. This notebook builds a model of the boom, compares it with the values published by J. Anthonis and H. Ramon
+# in 2003 (*Journal of Sound and Vibration* 266, 535-552), and compares it with a measured frequency response.
 #
 # This is the machine, seen from above. It drives upwards on the page.
 #
@@ -51,14 +50,15 @@ p
 # %% [markdown]
 # ## The model and Table 1
 #
-# We cut the boom into six finite elements, as the paper did. The model has names: five inputs and five outputs.
+# The boom is divided into six finite elements, as in the paper. The model has five named inputs and five named
+# outputs.
 
 # %%
 boom = bc.spray_boom(p, discretization="finite", elements=6)
 boom
 
 # %% [markdown]
-# **Question:** do we get the frequencies that are printed in Table 1 of the paper? The platform is held by its
+# **Question:** does the model reproduce the frequencies of Table 1 of the paper? The platform is held by its
 # actuators. The frequencies are those of the damped system, as in the paper.
 
 # %%
@@ -77,16 +77,16 @@ assert np.allclose(computed["discrete-hermite", 6], published["discrete-hermite"
 
 # %% [markdown]
 # **Result:** the finite elements agree in all printed digits but the last. The discrete elements with Hermitian mass
-# agree to 0.2 %. The third method does not: the fourth frequency is printed as 2.9316 Hz, and we get 2.7451 Hz. We do
-# not know why. We tried several meshes, and none gives the printed value.
+# agree to 0.2 %. The third method does not: the fourth frequency is printed as 2.9316 Hz, and the model has 2.7451
+# Hz. The cause is unknown: none of several meshes gives the printed value.
 #
-# **Conclusion:** the model is the paper's model. The measured first frequency, 0.34 Hz, is far from the 0.245 Hz of the
-# model. We come back to this at the end.
+# **Conclusion:** the model is the paper's model. The measured first frequency, 0.34 Hz, is far from the 0.245 Hz of
+# the model. The last section discusses this.
 #
 # ## Mode shapes
 #
-# **Question:** what do these modes look like? We move the platform with a sine at each frequency and look at how far
-# each point of the boom moves. In **yaw** the two actuators move against each other, in **jolt** they move together.
+# **Question:** what are the mode shapes? The platform moves sinusoidally at each natural frequency, and the amplitude
+# of each point of the boom is computed. In **yaw** the two actuators move in antiphase, in **jolt** in phase.
 
 # %%
 x = np.linspace(-6.0, 6.0, 61)
@@ -105,14 +105,15 @@ plt.show()
 
 # %% [markdown]
 # **Result:** at 0.244 Hz the boom turns about its hinge and stays almost straight. At 0.586 and at 0.933 Hz boom and
-# cradle move forward and back. The higher modes bend. The modes of yaw and of jolt do not mix, because the machine is
+# cradle move forward and back. The higher modes bend. The modes of yaw and jolt are decoupled, because the machine is
 # symmetric.
 #
 # ## Singular values
 #
-# **Question:** how much does a movement of the platform come out at the tips? The system has two inputs and two outputs,
-# so one curve is not enough. At each frequency the *singular values* are the largest and the smallest amplification
-# over all ways in which the two actuators can move together. This is Fig. 3 of the paper.
+# **Question:** by how much is motion of the platform amplified at the tips? The system has two inputs and two
+# outputs, so that one curve is not enough. At each frequency the *singular values* are the largest and the smallest
+# amplification over all directions of the input, that is, all combinations of the two actuators. This is Fig. 3 of
+# the paper.
 
 # %%
 s = bc.sigma(boom)  # actuators to tips
@@ -138,8 +139,8 @@ plt.show()
 #
 # ## Certified peak
 #
-# The peak is so narrow that a usual frequency grid steps over it. boomctl does not trust a grid: it proves that no
-# frequency has a larger value. We compare with the grid that python-control chooses.
+# The peak is so narrow that a usual frequency grid misses it. boomctl proves that no frequency has a larger value.
+# The comparison is with the default grid of python-control.
 
 # %%
 G = boom.to_statespace(["actuator_left", "actuator_right"], ["tip_left", "tip_right"])
@@ -151,9 +152,9 @@ print(
 # %% [markdown]
 # ## Comparison with a measurement
 #
-# The paper shows its measured curve as a picture only, so we make one here to show how it is done. The "real" boom
-# below has springs that are stiff enough for a yaw at the measured 0.34 Hz, and the measured values carry 10 % noise.
-# A file with columns of numbers is all that is needed.
+# The paper shows its measured curve as a figure only, so that a measurement is simulated here. The simulated boom has
+# springs that are stiff enough for a yaw mode at the measured 0.34 Hz, and the values have 10 % noise. The file has
+# columns of numbers.
 
 # %%
 stiff = replace(p, spring_stiffness=float(bc.boom.yaw_family(p, max_yaw_frequency_hz=0.34).high[0]))
@@ -178,8 +179,8 @@ ax.set(xlim=(0.1, 10), ylim=(1e-3, 5e3), title="Model and synthetic measurement"
 plt.show()
 
 # %% [markdown]
-# **Result:** the peaks of the measurement lie to the right of the model's, and not only the peak of the yaw. How far do
-# the others move when stiffer springs have to explain 0.34 Hz?
+# **Result:** the measured peaks are at higher frequencies than those of the model, not only the peak of the yaw. How
+# far do the others move if the springs are stiff enough for 0.34 Hz?
 
 # %%
 print(f"springs: {p.spring_stiffness:.0f} N/m in Table 2, {stiff.spring_stiffness:.0f} N/m for a yaw at 0.34 Hz")
@@ -192,8 +193,8 @@ assert abs(shifted[0] - 0.34) < 0.005
 assert shifted[2] > 1.4 * measured[2]
 
 # %% [markdown]
-# **Conclusion:** springs of 2375 N/m put the yaw right, but they move the third frequency to 1.310 Hz, and 0.88 Hz was
-# measured. With the springs of Table 2 the second and the third frequency, 0.586 and 0.933 Hz, are within 6 % of the
-# measured ones. So stiffer springs alone do not explain the measured 0.34 Hz. Something else must hold the yaw back,
-# for instance friction in the hinge or a hose. A controller must therefore stand uncertain springs; notebook 3 comes
-# to that.
+# **Conclusion:** springs of 2375 N/m correct the yaw frequency, but they move the third frequency to 1.310 Hz, and
+# 0.88 Hz was measured. With the springs of Table 2 the second and the third frequency, 0.586 and 0.933 Hz, are within
+# 6 % of the measured ones. So stiffer springs alone do not explain the measured 0.34 Hz. Another stiffness must act
+# on the yaw, for instance friction in the hinge or a hose. A controller must therefore be robust to uncertain
+# springs, see notebook 3.

@@ -11,9 +11,8 @@
 # %% [markdown]
 # # 2. Mesh selection
 #
-# A beam has infinitely many degrees of freedom, a computer has not. We must cut the beam into elements. This notebook
-# asks which kind of element to take and how many, and it answers with two numbers for each choice: the **error** and
-# the **run time**.
+# A beam has infinitely many degrees of freedom and must be discretized. This notebook compares types and numbers of
+# elements by two quantities: the **error** and the **run time**.
 #
 # The error can be measured exactly, because the boom is uniform: boomctl also solves the differential equation of the
 # beam without any elements (`bc.exact_frequency_response`). Three kinds of element were compared in the paper of
@@ -42,7 +41,7 @@ exact_hz = bc.exact_eigenfrequencies_hz(p, 5)
 # %% [markdown]
 # ## Error of the frequencies
 #
-# **Question:** how fast do the first five damped eigenfrequencies come right when we take more elements?
+# **Question:** how fast do the first five damped eigenfrequencies converge with the number of elements?
 
 # %%
 counts = [6, 10, 20, 40, 80, 160, 320]
@@ -90,20 +89,20 @@ assert errors["high-order"].max(axis=1)[9] < 1e-8
 
 # %% [markdown]
 # **Result:**
-# * Six finite elements are right to 0.4 %, which is more than enough for a first look. Twenty are right to 0.0033 %.
+# * Six finite elements have an error of 0.4 %, enough for a first analysis. Twenty have 0.0033 %.
 # * Discrete elements with Hermitian mass are as good. With geometrical mass they are far worse: 22 % with six
 #   elements and still 1.9 % with twenty, which is what the paper used.
-# * The error of the discrete elements stops falling at the right end. Only two or four of them lie between the
-#   springs, however many there are in all, and these become the bad ones.
+# * The error of the discrete elements stops decreasing: only two or four of them are between the springs, for any
+#   total number, and these determine the error.
 # * Four elements of high order gain a factor of about thirty with each order. This is called *exponential
 #   convergence*.
 #
-# **Conclusion:** do not take point masses. For a few digits take finite elements, for many take a high order.
+# **Conclusion:** do not use point masses. For a few digits use finite elements, for many a high order.
 #
 # ## Error of the frequency response
 #
-# A controller does not see eigenfrequencies, it sees a frequency response. **Question:** how far are the singular values
-# from the exact ones, over frequency?
+# A controller depends on the frequency response. **Question:** what is the error of the singular values over
+# frequency?
 
 # %%
 omega = 2 * np.pi * np.geomspace(0.1, 20.0, 400)
@@ -126,19 +125,18 @@ ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
 plt.show()
 
 # %% [markdown]
-# **Result:** the error has peaks where the response has peaks. A lightly damped peak is very narrow: yaw has a damping
-# ratio of 0.14 %. If its frequency is wrong by 0.36 %, the peak stands beside the true one, and the error at the true
-# one is more than 100 %. The height of the peak is right all the same.
+# **Result:** the error has peaks where the response has peaks. A lightly damped peak is very narrow: yaw has a
+# damping ratio of 0.14 %. If its frequency has an error of 0.36 %, the peak is shifted from the true one, and the
+# error at the true peak is more than 100 %. The height of the peak is still accurate.
 #
-# **Conclusion:** six elements show the right picture up to 5 Hz, twenty give it to less than 1 % there, peaks included.
-# For a controller with a bandwidth of a few hertz, ten to twenty elements do.
+# **Conclusion:** six elements are qualitatively correct up to 5 Hz; twenty have an error below 1 % there, peaks
+# included. For a controller with a bandwidth of a few hertz, ten to twenty elements are sufficient.
 #
 # ## Run time and error
 #
-# **Question:** what does the accuracy cost? For each choice we measure the time of one whole computation: build the
-# model, and compute the singular values at 400 frequencies. The error is the largest one up to 5 Hz, where a
-# suspension works. Times are the best of five runs on one core; on your machine they are different, but their ratios
-# stay.
+# **Question:** what is the run time for an accuracy? It is measured for the complete computation: the model, and its
+# singular values at 400 frequencies. The error is the largest one up to 5 Hz, where a suspension works. Times are the
+# best of five runs on one core; on other machines they differ, but their ratios are similar.
 
 # %%
 low = omega < 2 * np.pi * 5.0
@@ -170,8 +168,8 @@ ax.legend()
 plt.show()
 
 # %% [markdown]
-# **Result:** high order is best: nine digits cost as much time as two. Many point masses are slow and never become
-# accurate. The exact beam is even faster than a mesh, and it has no error.
+# **Result:** high order is best: nine digits take as much time as two. Many point masses are slow and remain
+# inaccurate. The exact beam is even faster than a mesh, and it has no error.
 #
 # **Conclusion:**
 #

@@ -17,12 +17,13 @@
 #
 # | method | it minimizes | it reads |
 # |---|---|---|
-# | LQR | the mean of squared tip motion and force | all states; nobody can measure them |
+# | LQR | the mean square of tip motion and force | all states, which are not measured |
 # | LQG | the same, and it estimates the states | sensors |
-# | H-infinity | the worst frequency | sensors |
+# | H-infinity | the peak over frequency | sensors |
 #
-# The machine is symmetric, so yaw and jolt do not feel each other. We look at the **yaw** alone: one disturbance (the
-# platform turns), one control (a pair of forces), two sensors (stroke of the suspension, acceleration of the tip).
+# The machine is symmetric, so that yaw and jolt are decoupled. The plant is the **yaw** subsystem: one disturbance
+# (the platform turns), one control (a pair of forces), two sensors (stroke of the suspension, acceleration of the
+# tip).
 
 # %%
 import matplotlib.pyplot as plt
@@ -40,8 +41,8 @@ yaw
 # %% [markdown]
 # ## Model reduction
 #
-# A controller has as many states as the plant it is designed on. So we make the plant small first. Numbers in meters
-# and newtons are of very different size; `scales` are the amounts that count as one.
+# A controller has as many states as the plant it is designed on. The plant is therefore reduced first. Meters and
+# newtons have very different magnitudes; `scales` are the values that are scaled to one.
 #
 # **Question:** how many states are enough up to 80 rad/s (13 Hz)?
 
@@ -59,19 +60,17 @@ assert small.error_norm < 1e-2 * peak_scaled
 plt.show()
 
 # %% [markdown]
-# **Result:** four states are useless: the error is nearly as large as the peak of the model itself. With twelve states
-# the error is a thousandth of the peak. But the picture also shows: between the peaks the error is almost as large as
-# the response itself.
+# **Result:** four states are not sufficient: the error is nearly as large as the peak of the model. With twelve
+# states the error is a thousandth of the peak, but between the peaks it is almost as large as the response.
 #
-# **Conclusion:** take twelve. And remember the error: a controller that is designed on the small model must be checked
-# on the full one. Everything below is.
+# **Conclusion:** use twelve states. A controller designed on the reduced model must be checked on the full one, as is
+# done below.
 #
 # ## LQR
 #
-# The regulator `u = -F x` makes the integral of `tip² + r · force²` as small as possible. The only question is the
-# weight `r`.
+# The regulator `u = -F x` minimizes the integral of `tip² + r · force²`. The design parameter is the weight `r`.
 #
-# **Question:** what does a larger force buy? We try many weights and draw the trade-off.
+# **Question:** what is the trade-off between tip motion and force? It is computed for many weights.
 
 # %%
 G = small.system
@@ -102,18 +101,18 @@ plt.show()
 
 # %% [markdown]
 # **Result:** from r = 1e+04 to r = 10 the tip motion falls from 108.51 to 3.46, and the force rises only from 779 to
-# 915 N/m. Below r = 0.1 force is spent for almost nothing. The curve has kinks because LQR minimizes a mean, and we
-# draw peaks.
+# 915 N/m. Below r = 0.1 more force has almost no effect. The curve has kinks because LQR minimizes a mean, and the
+# plot shows peaks.
 #
 # The return difference is never below 1. This is Kalman's inequality: such a loop has a phase margin of at least 60
-# degrees, whatever the weights.
+# degrees, for all weights.
 #
-# **Conclusion:** little force would be enough, if all states were measured. They are not.
+# **Conclusion:** a small force would be enough if all states were measured, which they are not.
 #
 # ## LQG and H-infinity
 #
-# Now the controller reads two sensors. Both methods need a *generalized plant*: a list of what comes in, what shall
-# be small, what is measured and what can be done. Each entry has a weight, for the scaled signals.
+# Now the controller reads two sensors. Both methods need a *generalized plant*: disturbances, performance outputs,
+# measurements and controls, with a weight for each scaled signal.
 
 
 # %%
@@ -139,10 +138,10 @@ lqg, hinf = bc.h2(P, nmeas=2, ncon=1), bc.h_infinity(P, nmeas=2, ncon=1)  # bc.h
 print(hinf.certificate.summary)
 
 # %% [markdown]
-# The H-infinity result carries a proof: a norm that was verified apart from the solver, and a bound that no
-# controller can beat. There is less than one per cent between them.
+# The H-infinity result has a certificate: a norm verified independently of the solver, and a lower bound for all
+# controllers. They differ by less than one percent.
 #
-# **Question:** what do the two do on the *full* model, not on the small one?
+# **Question:** what is the performance on the *full* model?
 
 # %%
 controllers = {"LQG": lqg.controller, "H-infinity": hinf.controller}
@@ -159,17 +158,17 @@ assert curves["H-infinity"].peak < curves["LQG"].peak < curves["passive"].peak /
 plt.show()
 
 # %% [markdown]
-# **Result:** both take the peak of the yaw away. LQG leaves 11.27, at the bending mode near 2.8 Hz. H-infinity makes
-# the highest point as low as it can, so its curve is flat: 9.39. The passive boom has 2459.94. At very low frequency
-# nothing can be gained, because the boom has to follow a platform that turns.
+# **Result:** both remove the peak of the yaw. The peak with LQG is 11.27, at the bending mode near 2.8 Hz. H-infinity
+# minimizes the peak, so that its curve is flat: 9.39. The passive boom has 2459.94. At very low frequency no
+# reduction is possible, because the boom must follow the rotation of the platform.
 #
-# **Conclusion:** against a peak take H-infinity, against a mean take LQG. Just above the peak, up to 1 Hz, both are
-# worse than the passive boom: what is gained in one place is paid for in another.
+# **Conclusion:** use H-infinity to reduce a peak, LQG to reduce a mean square. Just above the peak, up to 1 Hz, both
+# are worse than the passive boom (waterbed effect).
 #
 # ## Margins
 #
-# **Question:** how far may the real machine differ from the model? The *disk margin* alpha allows gain and phase to
-# change together; 0 is no margin, 2 is the most. The column `delay` says how late the signal may come.
+# **Question:** how far may the machine differ from the model? The *disk margin* alpha permits simultaneous changes of
+# gain and phase; it is between 0 and 2. The column `delay` is the delay margin.
 
 # %%
 margins = {name: bc.margins(yaw, K) for name, K in controllers.items()}
@@ -182,14 +181,14 @@ plt.show()
 # %% [markdown]
 # **Result:** at the actuator (`suspension_anti`) H-infinity allows 1.545 times the gain, 39.55 degrees and a delay of
 # 0.08849 s; its disk margin is 0.428, that of LQG 0.371. In the picture the Nyquist curves stay outside the disks.
-# With all sensors and the actuator wrong at once (`multiloop_io`), only 5 % remain.
+# For simultaneous changes at all sensors and the actuator (`multiloop_io`), only 5 % remain.
 #
-# **Conclusion:** both are good enough, none is generous. LQG has no guaranteed margin at all; here it has one by luck
-# and by weights.
+# **Conclusion:** both margins are acceptable, none is large. LQG has no guaranteed margins; here they result from the
+# weights.
 #
 # ## Trade-off
 #
-# **Question:** why this weight of the effort and not another? We change it and look at three things: the peak, the disk
+# **Question:** how does the weight of the effort change the result? Three quantities are compared: the peak, the disk
 # margin at the actuator, and the worst peak when the springs are uncertain by 30 % and the beam's mass by 20 %.
 
 # %%
@@ -208,12 +207,12 @@ assert np.isinf(trade[0.2][3])
 assert np.isfinite(trade[2.0][3])
 
 # %% [markdown]
-# **Result:** a cheap control (effort 0.2) has the smallest gamma, 0.76, and it is a disaster: on the full model its
-# peak is 247, its margin 0.01, and within the uncertainty it is unstable (`inf`). A dear control (effort 20) is safe
-# and does little.
+# **Result:** a small effort weight (0.2) has the smallest gamma, 0.76, and the worst result: on the full model its
+# peak is 247, its margin 0.01, and within the uncertainty it is unstable (`inf`). A large effort weight (20) is
+# robust and has little effect.
 #
-# **Conclusion:** gamma alone says nothing, because it depends on the weights. Effort 2 has the lowest peak, 9.4, and
-# stays stable over the whole uncertainty, where its peak can grow to 26.4.
+# **Conclusion:** gamma alone is no measure of performance, because it depends on the weights. Effort 2 has the lowest
+# peak, 9.4, and stays stable over the whole uncertainty, where its peak can grow to 26.4.
 #
 # ## Robust stability
 #
@@ -228,10 +227,11 @@ assert proof.proved
 # %% [markdown]
 # ## Sampling and delay
 #
-# A computer reads the sensors every few milliseconds and answers a little later. The margins said how late: 0.0885 s
-# at the actuator.
+# A computer reads the sensors every few milliseconds, and the force acts after a delay. The delay margin at the
+# actuator is 0.0885 s.
 #
-# **Question:** is that true? We drive over a rough track (class E, 3 m/s) and let the force come later and later.
+# **Question:** does the simulation confirm this margin? The sprayer drives over a rough track (class E, 3 m/s), with
+# increasing delay of the force.
 
 # %%
 track = bc.iso_track("E", 130.0, seed=1)
@@ -254,14 +254,14 @@ assert rms["80 ms late"] < 0.5 * rms["passive"] < rms["140 ms late"]
 plt.show()
 
 # %% [markdown]
-# **Result:** with 2 ms and with 80 ms the loop is stable: the tip moves 13.4 and 13.8 mm RMS, passive 48.9 mm. With 140
-# ms it swings up at 2.8 Hz: the bending mode, not the yaw.
+# **Result:** with 2 ms and with 80 ms the loop is stable: the tip moves 13.4 and 13.8 mm RMS, passive 48.9 mm. With
+# 140 ms it is unstable at 2.8 Hz, the bending mode, not the yaw.
 #
-# **Conclusion:** the margin told the truth. A delay does its harm at high frequency, here at the first mode that nobody
-# wanted to control.
+# **Conclusion:** the simulation confirms the delay margin. The delay destabilizes a mode at high frequency, here the
+# first mode that is not controlled.
 #
-# **Question:** how slow may the computer be? boomctl refuses a sampling time that the controller's own poles do not
-# allow, and it says why:
+# **Question:** how large may the sampling time be? boomctl raises an error if it is too large for the poles of the
+# controller:
 
 # %%
 try:
@@ -270,8 +270,8 @@ except ValueError as error:
     print(error)
 
 # %% [markdown]
-# The fast poles come from the weight of the effort. `bc.reduce_controller` takes them out and verifies the loop that
-# is left.
+# The fast poles are caused by the weight of the effort. `bc.reduce_controller` removes them and verifies the
+# resulting loop.
 
 # %%
 slow = bc.reduce_controller(P, hinf, fastest_pole=60.0)
@@ -286,10 +286,9 @@ for name, found in {"continuous": bc.margins(yaw, K_slow), "sampled": sampled}.i
     )
 
 # %% [markdown]
-# **Conclusion:** after the fast poles are gone, a computer that samples every 20 ms does nearly the same: 13.5 mm. The
-# verified norm rose from 1.355 to 1.393.
-# `bc.margins` of the loop as it is sampled says why: the disk margin stays at 0.356, and of the delay margin of 0.1045 s
-# the 20 ms and half a sample are gone.
+# **Conclusion:** after the fast poles are gone, a computer that samples every 20 ms does nearly the same: 13.5 mm.
+# The verified norm rose from 1.355 to 1.393. `bc.margins` of the sampled loop explains this: the disk margin is
+# 0.356, and the delay margin of 0.1045 s is reduced by the 20 ms and half a sample.
 #
 # What remains is to join the controllers of yaw and jolt (`bc.join_symmetric`), and to write the result to a file
 # (`bc.write_controller`). The command `boomctl design h_infinity_split --out DIR` does all of it and writes a report.

@@ -11,8 +11,8 @@
 # %% [markdown]
 # # 4. Spray distribution on the field
 #
-# A farmer does not ask for singular values. He asks whether every plant gets its dose. This notebook goes the whole
-# way: from the ground under the wheels to a map of the spray.
+# The performance of a boom is the uniformity of the dose. This notebook computes it from the ground profile under the
+# wheels to the map of the spray deposit.
 #
 # ```
 # track (ISO 8608)  ->  tractor  ->  platform: jolt and yaw  ->  boom  ->  nozzles  ->  dose on the field
@@ -38,9 +38,9 @@ actuators, tips = ["actuator_left", "actuator_right"], ["tip_left", "tip_right"]
 # %% [markdown]
 # ## Tracks
 #
-# ISO 8608 sorts roads by roughness. Class A is a motorway, C a bad road, E a rough field track; each class is twice
-# as high as the one before. **Question:** what does a tractor make of them? It has four wheels, and it rolls and turns
-# when left and right differ.
+# ISO 8608 classifies roads by roughness. Class A is a motorway, C a bad road, E a rough field track; amplitudes
+# double from class to class. **Question:** how does a tractor move on them? It has four wheels, and it rolls and yaws
+# if left and right differ.
 
 # %%
 for road_class in "CDE":
@@ -54,8 +54,8 @@ for road_class in "CDE":
 # %% [markdown]
 # ## A simulation
 #
-# **Question:** how do the tips move on class E at 3 m/s? Lightly damped modes need time to build up. So we drive for 60
-# s before we look, and for 60 s more.
+# **Question:** how do the tips move on class E at 3 m/s? Lightly damped modes need time to become stationary: the
+# first 60 s are omitted, the next 60 s are evaluated.
 
 # %%
 warmup_time = 60.0
@@ -69,13 +69,13 @@ run.plot(outputs=["tip_left", "tip_right"])[-1].set_xlim(60.0, 90.0)
 plt.show()
 
 # %% [markdown]
-# **Result:** the platform moves by one or two centimeters, nearly all of it jolt. The tips move up to ten times as far,
-# and more slowly. From 61 to 64 s they move nearly together (jolt), from 77 to 80 s against each other (yaw): the yaw
-# needs little to be excited, and it goes on for long.
+# **Result:** the platform moves by one or two centimeters, nearly all of it jolt. The tips move up to ten times as
+# far, and more slowly. From 61 to 64 s they move nearly together (jolt), from 77 to 80 s in antiphase (yaw): little
+# excitation is needed, and the yaw decays slowly.
 #
 # ## From motion to dose
 #
-# **Question:** what does that leave on the field, and who is to blame, jolt or yaw?
+# **Question:** what is the resulting deposit, and is it caused by jolt or by yaw?
 
 # %%
 late = run.time >= warmup_time
@@ -98,16 +98,15 @@ assert abs(whole.cv - 0.0314) < 2e-4
 # follow each other at the tips, and the middle of the boom stays even. Field runs in the literature gave some 4 or 5
 # % (Ooms et al. 2003).
 #
-# A warning: a boom bends. If one reads the tips only and takes the boom as straight between them, the CV comes out as
-# 5.69 %, nearly twice too large, because in jolt the middle hardly moves. So let the model read all nozzles
-# (`nozzles=`).
+# The bending of the boom must be included: with the tips alone, and a straight boom between them, the CV is 5.69 %,
+# nearly twice too large, because in jolt the middle moves very little. Use the motion of all nozzles (`nozzles=`).
 #
-# **Conclusion:** the yaw has by far the largest peak of the sigma plot (notebook 1), but on this track the jolt does
-# more harm. Judge a suspension by both.
+# **Conclusion:** the yaw has by far the largest peak of the sigma plot (notebook 1), but on this track the jolt has a
+# larger effect. Evaluate a suspension by both.
 #
 # ## Driving speed
 #
-# **Question:** does it help to drive faster or slower? We drive over four tracks of class E at each speed.
+# **Question:** how does the CV depend on the driving speed? It is computed for four tracks of class E at each speed.
 
 # %%
 speeds = np.arange(1.0, 6.01, 0.5)
@@ -140,16 +139,16 @@ for speed, line in zip(speeds, 100 * cv[0], strict=True):
 plt.show()
 
 # %% [markdown]
-# **Result:** walking speed is worst, 5.07 %, because the dose feels the speed of the nozzle *over* the driving speed.
-# Faster, the CV lies between 2.28 and 4.16 %, with a peak at 2.5 m/s, and above 4 m/s it mostly falls. One track alone
-# may differ by nearly a half from the mean of four: at 1 m/s the worst leaves 7.43 %.
+# **Result:** walking speed is worst, 5.07 %, because the dose depends on the ratio of nozzle speed to driving speed.
+# Faster, the CV lies between 2.28 and 4.16 %, with a peak at 2.5 m/s, and above 4 m/s it mostly falls. One track
+# alone may differ by nearly a half from the mean of four: at 1 m/s the worst leaves 7.43 %.
 #
 # **Conclusion:** do not compare suspensions at one speed on one track only.
 #
 # ## Two dampers
 #
-# **Question:** what can be done without electronics? We put a stronger damper into the hinge (against yaw) and into the
-# cradle (against jolt).
+# **Question:** what is the effect of passive damping? The damping of the hinge (yaw) and of the cradle (jolt) is
+# increased.
 
 # %%
 print("hinge [N m s/rad]  cradle [N s/m]   peak    CV     stroke at the springs")
@@ -179,8 +178,8 @@ plt.show()
 #
 # ## Trade-off
 #
-# **Question:** what does an even spray cost? A suspension needs room to move: its stroke. `bc.sweep` calls a function at
-# many points, here each of two springs with each of four dampers in the cradle, and returns a table.
+# **Question:** what is the trade-off between CV and stroke? `bc.sweep` calls a function at many points, here each of
+# two springs with each of four dampers in the cradle, and returns a table.
 
 
 # %%
@@ -212,19 +211,19 @@ ax.legend()
 plt.show()
 
 # %% [markdown]
-# **Result:** the strongest damper needs less than a quarter of the room of the weakest, and with it soft springs are
-# worth little: the CV is 2.43 or 2.60 %. Between them each spring has a damper that is best. For the springs of the
-# machine it is 500 N s/m, with a CV of 2.29 %. For springs half as stiff it is 160 N s/m, with 1.54 % and 24.7 mm of
-# stroke.
+# **Result:** the strongest damper needs less than a quarter of the stroke of the weakest, and with it soft springs
+# have little effect: the CV is 2.43 or 2.60 %. Between them each spring has a damper that is best. For the springs of
+# the machine it is 500 N s/m, with a CV of 2.29 %. For springs half as stiff it is 160 N s/m, with 1.54 % and 24.7 mm
+# of stroke.
 #
-# **Conclusion:** choose the damper with the spring, and both with the room that there is. Dampers are cheap, use them
-# first. The tuned passive suspension in `designs/passive_tuning.py` also has softer springs; an active one (notebook 3,
-# for yaw and jolt together) does best. The README compares them.
+# **Conclusion:** choose damper and spring together, for the available stroke. Use passive damping first. The tuned
+# passive suspension in `designs/passive_tuning.py` also has softer springs; an active one (notebook 3, for yaw and
+# jolt together) does best. The README compares them.
 #
 # ## Sine sweep
 #
-# In the laboratory of the paper two hydraulic cylinders shook the platform. **Question:** what would one see there? The
-# actuators move against each other by 1 mm, at a frequency that runs from 0.1 to 5 Hz in five minutes.
+# In the laboratory of the paper, two hydraulic cylinders excited the platform. **Question:** what does such a test
+# measure? The actuators move in antiphase by 1 mm, at a frequency that runs from 0.1 to 5 Hz in five minutes.
 
 # %%
 sweep = bc.sine_sweep(0.1, 5.0, 300.0, amplitude=0.001, motion="yaw", sample_time=0.005)
@@ -243,10 +242,8 @@ print(f"largest motion {1e3 * np.abs(tip).max():.0f} mm when the sweep is at {lo
 plt.show()
 
 # %% [markdown]
-# **Result:** the largest motion is 103 mm, and it comes at 0.299 Hz, too late. The yaw needs minutes to build up and
-# minutes to ring down, and the sweep has long gone on. In a steady state the tip would move by 2460 mm (linear
-# model).
+# **Result:** the largest motion is 103 mm, at 0.299 Hz, above the natural frequency. The yaw needs minutes to build
+# up and to decay, and the sweep is too fast. In a steady state the tip would move by 2460 mm (linear model).
 #
-# **Conclusion:** a lightly damped mode cannot be measured by a quick sweep: peak and frequency both come out wrong.
-# This is one more thing to think of when the measured frequency of the yaw (notebook 1) is higher than the computed
-# one.
+# **Conclusion:** a lightly damped mode cannot be measured by a fast sweep: peak and frequency are both biased. This
+# may contribute to the measured frequency of the yaw (notebook 1), which is higher than the computed one.

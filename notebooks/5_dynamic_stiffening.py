@@ -11,12 +11,12 @@
 # %% [markdown]
 # # 5. Dynamic stiffening
 #
-# A robot arm, a helicopter blade, an antenna on a satellite: a flexible beam on a hub that turns. When it turns, the
-# centrifugal force pulls the beam straight, and it becomes *stiffer*. The usual linear model gets this wrong, and it
-# even says that the beam becomes softer. S. Bai and others wrote about it in 2009 (*Sensors & Transducers* 5, 53-68).
-# This notebook repeats their main results and asks which model one needs.
+# Robot arms, helicopter blades and antennas of satellites are flexible beams on a rotating hub. The centrifugal force
+# increases their bending stiffness (*dynamic stiffening*). The traditional linear model predicts the opposite, a
+# decrease. This notebook reproduces the main results of S. Bai et al., 2009 (*Sensors & Transducers* 5, 53-68), and
+# compares the models.
 #
-# | model | keeps | cost |
+# | model | includes | cost |
 # |---|---|---|
 # | `"tlam"` | the traditional linear model: no coupling of bending and shortening | small |
 # | `"sfoam"` | first-order stiffening, no axial motion; as printed in the paper | small |
@@ -71,11 +71,11 @@ plt.show()
 
 # %% [markdown]
 # **Result:** with FOAM and with the exact beam all frequencies rise with speed: the beam stiffens. The traditional
-# model (`tlam`) says the opposite. Its first frequency falls to zero at a *critical speed*, where the beam would lose
-# all its stiffness. No such thing happens in reality.
+# model (`tlam`) predicts the opposite. Its first frequency decreases to zero at a *critical speed*, at which the
+# stiffness vanishes. This is an artifact of the model.
 #
-# The numbers of the paper lie above ours by a factor of 1.0005, like all fifteen in its table: it looks as if it had
-# divided by 6.28 and not by 2π.
+# The numbers of the paper lie above ours by a factor of 1.0005, like all fifteen in its table: probably the authors
+# divided by 6.28 instead of 2π.
 
 # %%
 print("critical speed of tlam [rad/s]     here    paper")
@@ -85,13 +85,13 @@ for mass, value in bc.rotating_beam.published.CRITICAL_SPEEDS.items():
     assert abs(critical - value) < 0.03
 
 # %% [markdown]
-# **Result:** the critical speeds are those of the paper: 2.911, 2.604 and 1.936 rad/s. With 0.5 kg the paper has 1.91;
-# more modes only lower our value to 1.936, so 1.91 may be a slip of the pen for 1.94.
+# **Result:** the critical speeds are those of the paper: 2.911, 2.604 and 1.936 rad/s. With 0.5 kg the paper has
+# 1.91; more modes only lower our value to 1.936, so that 1.91 may be a misprint of 1.94.
 #
 # ## Spin-up
 #
-# **Question:** does it matter in time? The hub goes from rest to 2.8 rad/s in 30 s, and then it keeps its speed (Fig. 5
-# of the paper).
+# **Question:** what is the effect on a spin-up? The hub accelerates from rest to 2.8 rad/s in 30 s, and then its
+# speed is constant (Fig. 5 of the paper).
 
 # %%
 timepts = np.linspace(0.0, 60.0, 1501)
@@ -119,16 +119,16 @@ plt.show()
 
 # %% [markdown]
 # **Result:** at 2.8 rad/s, just below its critical speed, the traditional model gives 0.4792 m, all others 0.204 m
-# (paper: 0.49 and 0.22 m). At 3 rad/s it runs away; boomctl lets it, and says from when on the result means nothing:
-# after 22.1 s. SFOAM, FOAM, CFOAM and the exact beam cannot be told apart in the picture.
+# (paper: 0.49 and 0.22 m). At 3 rad/s it diverges, and the result states when its assumptions are violated: after
+# 22.1 s. The curves of SFOAM, FOAM, CFOAM and the exact beam coincide.
 #
-# **Conclusion:** first-order stiffening is necessary, and it is enough here. SFOAM has it at the lowest cost, fifty
-# times less than the exact beam, or better.
+# **Conclusion:** first-order stiffening is necessary, and sufficient here. SFOAM includes it at the lowest cost, at
+# most one fiftieth of that of the exact beam.
 #
 # ## A torque on the hub
 #
-# **Question:** and where does first-order stiffening end? Now a torque drives the hub: one period of a sine, 10 s long
-# (Eq. (44) of the paper). We raise it until the beam bends by a quarter of its length.
+# **Question:** what are the limits of first-order stiffening? The hub is driven by one period of a sinusoidal torque
+# of 10 s (Eq. (44) of the paper), increased until the beam bends by a quarter of its length.
 
 # %%
 timepts = np.linspace(0.0, 20.0, 501)
@@ -155,10 +155,10 @@ assert table[400.0]["cfoam"] > 1.3 * table[400.0]["geometrically-exact"]
 plt.show()
 
 # %% [markdown]
-# **Result:** up to 100 N m SFOAM and FOAM agree with the exact beam to 2 %; CFOAM is 10 % off already. At 400 N m,
-# where the tip goes a quarter of the length aside (1.966 m), FOAM leaves 0.4904 m and the exact beam 0.4716 m: 4 %
-# apart. CFOAM, which keeps "all" terms, leaves 0.6705 m and is 42 % off! It keeps the fourth-order terms of the
-# kinetic energy, but not those of the bending energy. Half of a correction can be worse than none.
+# **Result:** up to 100 N m SFOAM and FOAM agree with the exact beam to 2 %; CFOAM differs by 10 %. At 400 N m, where
+# the tip displacement is a quarter of the length (1.966 m), the residual vibration is 0.4904 m with FOAM and 0.4716 m
+# with the exact beam, a difference of 4 %. With CFOAM, which includes "all" terms, it is 0.6705 m, a difference of 42
+# %: CFOAM includes the fourth-order terms of the kinetic energy, but not those of the bending energy.
 #
 # **Conclusion:**
 #
@@ -171,8 +171,8 @@ plt.show()
 #
 # ## Energy and angular momentum
 #
-# **Question:** is there a simple test of a model? Yes: without torque, energy and angular momentum must stay. We let the
-# bent beam go, hub free.
+# **Question:** does a model conserve energy and angular momentum without torque? The bent beam is released, with a
+# free hub.
 
 # %%
 timepts = np.linspace(0.0, 5.0, 501)
@@ -186,7 +186,7 @@ for name in ("sfoam", "sfoam-consistent", "foam"):
     print(f"{name:17} energy changes by {drift:.1e}, angular momentum by {np.ptp(run.angular_momentum) / 200:.1e}")
 
 # %% [markdown]
-# **Result:** SFOAM as it is printed in the paper loses 1.6e-04 of its energy in five seconds, because it leaves a term
-# out of the hub's equation. The consistent variant and FOAM keep it to rounding.
+# **Result:** SFOAM as it is printed in the paper loses 1.6e-04 of its energy in five seconds, because it omits a term
+# of the hub's equation. The consistent variant and FOAM conserve it to rounding error.
 #
-# **Conclusion:** if a simulation runs for long without damping, take `"sfoam-consistent"`: it costs the same.
+# **Conclusion:** for long simulations without damping, use `"sfoam-consistent"`, at the same cost.

@@ -11,12 +11,11 @@
 # %% [markdown]
 # # 6. Minimum-time slews
 #
-# A motor turns a hub with a flexible arm of 8 m by a quarter turn. It has 200 N m. At the end the arm shall stand
-# still, tip and all. How fast can it be done? And what happens when the load at the tip is not the one that was
-# planned for?
+# A motor with a maximum torque of 200 N m turns a hub with a flexible arm of 8 m by a quarter turn. At the end, hub
+# and arm must be at rest. What is the minimum time, and what is the effect of another tip mass than planned?
 #
-# The arm is the beam of notebook 5 with 0.1 kg at its tip. The model is `"sfoam"` with two bending modes: cheap, and
-# right where the hub turns fast.
+# The arm is the beam of notebook 5 with 0.1 kg at its tip. The model is `"sfoam"` with two bending modes, which
+# includes dynamic stiffening at low cost.
 
 # %%
 import matplotlib.pyplot as plt
@@ -32,8 +31,8 @@ h = bc.hub_beam(bc.HubBeamParameters(tip_mass=0.1), model="sfoam", modes=2)
 # %% [markdown]
 # ## Minimum-time torque
 #
-# **Question:** which torque turns the hub in the least time? A rigid body would be pushed with all force until half way
-# and then braked: *bang-bang*.
+# **Question:** which torque turns the hub in minimum time? For a rigid body it is *bang-bang*: maximum torque,
+# reversed half way.
 
 # %%
 fastest = bc.optimal_slew(h, angle=quarter, torque_limit=limit)
@@ -46,17 +45,18 @@ plt.show()
 
 # %% [markdown]
 # **Result:** the flexible arm takes 3.0278 s, a rigid body would take 2.7943 s. The torque is bang-bang too, but it
-# changes its sign five times and not once. Half way the hub slows down and is pushed again, so that the arm has time
-# to swing through from one side to the other. Tip and root come to rest exactly when the hub does.
+# changes its sign five times instead of once. Half way the hub decelerates and accelerates again while the arm
+# deflects from one side to the other. Tip and hub come to rest at the same time.
 #
-# **Conclusion:** to leave no vibration costs 8 % of time. The certificate says that the conditions of Pontryagin hold.
-# They are necessary, not sufficient, because the model is not linear; of a linear model boomctl proves the optimum.
+# **Conclusion:** a slew without residual vibration takes 8 % more time. The certificate states that Pontryagin's
+# conditions hold. They are necessary, not sufficient, because the model is nonlinear; for a linear model the optimum
+# is proved.
 #
 # ## Comparison with other torques
 #
-# **Question:** what do simpler torques leave? `compare_slews` plays them on the same beam: bang-bang of the rigid body,
-# smooth torques, and input shapers (ZV, ZVD, EI), which repeat a command half a period later so that the two
-# vibrations cancel. It also makes the beam ten per cent softer or stiffer.
+# **Question:** what is the residual vibration of simpler torques? `compare_slews` simulates them on the same beam:
+# bang-bang of the rigid body, smooth torques, and input shapers (ZV, ZVD, EI), which repeat a command half a period
+# later so that the two vibrations cancel. It also makes the beam ten per cent softer or stiffer.
 
 # %%
 comparison = compare_slews(h, quarter, limit, {"minimum time": fastest})
@@ -70,17 +70,17 @@ comparison.plot()
 plt.show()
 
 # %% [markdown]
-# **Result:** the rigid body's bang-bang leaves a swing of 3.63 m. A shaped one (ZV) leaves 0.0673 m, and takes 3.882 s.
-# The fastest slew leaves nothing. But if the beam is 10 % softer or stiffer, it leaves 1.661 or 1.232 m; ZV leaves
-# 0.750 or 0.410 m, and ZVD 0.102 or 0.054 m.
+# **Result:** the residual vibration of the rigid body's bang-bang torque is 3.63 m. With a shaper (ZV) it is 0.0673
+# m, in 3.882 s, and for the minimum-time slew it is zero. But if the beam is 10 % softer or stiffer, the minimum-time
+# slew leaves 1.661 or 1.232 m; ZV leaves 0.750 or 0.410 m, and ZVD 0.102 or 0.054 m.
 #
-# **Conclusion:** the faster the plan, the more it leans on its model. If you do not know the frequencies within a few
-# per cent, take a slower plan, or feedback.
+# **Conclusion:** faster slews are more sensitive to model errors. If the frequencies are not known within a few
+# percent, use a slower slew or feedback.
 #
 # ## Replay on other models
 #
-# **Question:** the plan was made on a simple model with two modes. What does it do on others? Each slew is replayed by
-# another integrator, on FOAM and on the geometrically exact beam.
+# **Question:** the slew was planned on a simple model with two modes. What is its residual vibration on others? Each
+# slew is replayed by another integrator, on FOAM and on the geometrically exact beam.
 
 # %%
 for replay in fastest.replay():
@@ -94,16 +94,16 @@ played = more.simulate(fastest.torque_profile, after)
 print(f"{'sfoam, 5 modes':20} tip swings by {1e3 * np.abs(played.tip_displacement).max():6.2f} mm")
 
 # %% [markdown]
-# **Result:** on FOAM the tip swings by 0.43 mm afterwards, on the exact beam by 22.04 mm, and with five modes by 3.56
-# mm. This is little beside 3.63 m, and more than the planner's zero.
+# **Result:** the residual vibration is 0.43 mm on FOAM, 22.04 mm on the exact beam, and 3.56 mm with five modes:
+# small compared with 3.63 m, but not zero.
 #
-# **Conclusion:** a residual of the planning model is not what the machine will do. Replay a plan on the best model that
-# you have.
+# **Conclusion:** the residual vibration of the planning model is too optimistic. Replay a slew on the best available
+# model.
 #
 # ## Unknown payload
 #
-# **Question:** and if another load hangs at the tip? We play three plans with loads from 0 to 0.2 kg: the fastest one,
-# one of least effort in 4.5 s, and one that was planned for 0, 0.1 and 0.2 kg at once.
+# **Question:** what is the effect of another payload? Three slews are simulated with payloads from 0 to 0.2 kg:
+# minimum time, minimum effort in 4.5 s, and one planned for 0, 0.1 and 0.2 kg at once.
 
 # %%
 effort = bc.optimal_slew(h, quarter, limit, "effort", duration=4.5, intervals=200)
@@ -117,16 +117,16 @@ loaded.plot(names=list(plans))
 plt.show()
 
 # %% [markdown]
-# **Result:** the fastest plan leaves up to 1.293 m when the load is wrong, least effort up to 0.525 m. The plan that
-# knows of three loads leaves at most 0.022 m, also between these loads.
+# **Result:** with another payload the residual vibration is up to 1.293 m for minimum time and up to 0.525 m for
+# minimum effort. For the slew planned for three payloads it is at most 0.022 m, also between these payloads.
 #
-# **Conclusion:** this robustness costs 2.33 times the effort in the same time, and it costs no sensor.
+# **Conclusion:** this robustness requires 2.33 times the effort in the same time, and no sensor.
 #
 # ## Tracking with feedback
 #
-# **Question:** what if the torque may also react? The fastest plan uses all the torque there is, so we plan with 140 of
-# the 200 N m. `track` uses the plan as feedforward and adds a time-varying LQG that holds the beam to it. It reads an
-# encoder, a gyro and strain gauges at the root, with their noise, and does not know what load hangs at the tip.
+# **Question:** what is the effect of feedback? The minimum-time slew uses the maximum torque, so that 140 of the 200
+# N m are used for planning. `track` uses the plan as feedforward and adds a time-varying LQG controller. It reads an
+# encoder, a gyro and strain gauges at the root, with noise; the payload is unknown to it.
 
 # %%
 noise = {"hub_angle": 2e-5, "hub_speed": 2e-4, "root_moment": 0.2}
@@ -144,15 +144,15 @@ for mass in (0.1, 0.2, 0.3):
     print(f"{mass:6.1f} kg {left[0]:18.4f} m {left[1]:22.4f} m {left[2]:13.4f} m")
 
 # %% [markdown]
-# **Result:** with 140 N m the quarter turn takes 3.4430 s. With twice the load the plan alone leaves a swing of
-# 0.8464 m, with three times the load 1.6599 m. With feedback it is 0.2465 and 0.5071 m at once, and 0.0338 and
-# 0.0803 m when 2 s have passed. Without any error the noise of the sensors moves the tip by 0.0074 m.
+# **Result:** with 140 N m the quarter turn takes 3.4430 s. Without feedback the residual vibration is 0.8464 m with
+# twice the payload and 1.6599 m with three times the payload. With feedback it is 0.2465 and 0.5071 m at the end of
+# the slew, and 0.0338 and 0.0803 m after 2 s more. Without model error, sensor noise moves the tip by 0.0074 m.
 #
-# **Conclusion:** plan for what you know, and let feedback do the rest. The price is time: some of the torque must be left
-# for the feedback.
+# **Conclusion:** combine a planned slew with feedback. It takes more time, because part of the torque must be
+# reserved for the feedback.
 #
-# **Question:** and if the stiffness is uncertain too, and the hub rubs? We draw 256 machines, and let all of them follow
-# the plan at once.
+# **Question:** what if stiffness and hub friction are uncertain too? A Monte Carlo simulation with 256 random
+# machines answers this.
 
 # %%
 for on in (False, True):
@@ -162,8 +162,8 @@ study.plot()
 plt.show()
 
 # %% [markdown]
-# **Result:** the bands are 25 to 75 % and 5 to 95 % of the machines. In 95 % of the runs the plan alone leaves at
-# most 0.679 m and a hub that is off by 0.131 rad, for friction holds it back. With feedback it is 0.138 m and 0.00293
-# rad.
+# **Result:** the bands are 25 to 75 % and 5 to 95 % of the machines. In 95 % of the runs without feedback, the
+# residual vibration is at most 0.679 m and the error of the hub angle 0.131 rad, because of friction. With feedback
+# they are 0.138 m and 0.00293 rad.
 #
-# **Conclusion:** a controller is judged by many machines, not by the one that it was made for.
+# **Conclusion:** evaluate a controller on many machines, not only on the one it was designed for.

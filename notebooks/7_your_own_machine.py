@@ -11,8 +11,8 @@
 # %% [markdown]
 # # 7. Your own machine: a stacker crane
 #
-# A stacker crane puts pallets into a high rack. It drives on a rail; a mast of 20 m stands on it; the load hangs on
-# the mast at some height. When it brakes, the mast swings, and everybody has to wait.
+# A stacker crane puts pallets into a high rack. It drives on a rail; a mast of 20 m stands on it; the load is on the
+# mast at some height. When the crane brakes, the mast vibrates, and the vibration must decay before the next step.
 #
 # ```
 #        o  top
@@ -26,9 +26,9 @@
 #   +--o----o--+
 # ```
 #
-# Nobody has written a model of this crane into boomctl. We build it from bodies and beams with `boomctl.structure`,
-# and go all the way to a controller. What is *not* in such a model: large motions, and gravity. Motions are small and
-# in one plane. The mast is stiff, so its own weight and that of the load change its frequency by little.
+# boomctl has no model of this crane. It is assembled from bodies and beams with `boomctl.structure`, and a controller
+# is designed for it. Such a model does not include large motions or gravity: motions are small and in one plane. The
+# mast is stiff, so its own weight and that of the load change its frequency by little.
 
 # %%
 import matplotlib.pyplot as plt
@@ -56,8 +56,8 @@ plt.style.use("boomctl.plotting.look")  # or a style of your own
 # %% [markdown]
 # ## Bodies, beams, forces, outputs
 #
-# Each part says on what it stands and how it may move there. Places are those at rest, in meters. The mast has two
-# sections: the lower one is heavier and stiffer.
+# Each part has a parent and a joint to it. Positions are those at rest, in meters. The mast has two segments: the
+# lower one is heavier and stiffer.
 
 
 # %%
@@ -87,8 +87,8 @@ machine
 # %% [markdown]
 # ## Verification by a known case
 #
-# **Question:** is the model right? A mast without load, with one section, on a carriage that is held, is a cantilever.
-# The textbook says: its first angular frequency is $1.8751^2 \sqrt{EI/(\mu L^4)}$.
+# **Question:** does the model reproduce a known solution? A mast without load, with one segment, on a fixed carriage,
+# is a cantilever. Its first angular frequency is $1.8751^2 \sqrt{EI/(\mu L^4)}$.
 
 # %%
 pole = Beam(
@@ -102,9 +102,9 @@ assert abs(alone.eigenfrequencies_hz(1)[0] / textbook - 1) < 1e-5
 # %% [markdown]
 # ## Mode shapes and frequencies
 #
-# **Question:** how does the first frequency depend on where the load is? And what changes when the carriage is not free
-# but held by a strong position drive? Then the drive imposes a displacement and not a force: `prescribe_displacement`
-# makes this model from the other one.
+# **Question:** how does the first frequency depend on the height of the load? And what changes if the carriage is not
+# free but position-controlled? Then the drive imposes a displacement and not a force: `prescribe_displacement`
+# converts the model.
 
 # %%
 print("load at   drive is a force   drive is a position")
@@ -115,17 +115,17 @@ for height in (1.0, 5.0, 10.0, 15.0, 19.0):
 print(bc.mode_table(machine.select(["drive", "push"], ["carriage", "sway"])).to_string(4))
 
 # %% [markdown]
-# **Result:** the higher the load, the slower the swing: from 2.4 Hz down to 1.7 Hz. A drive that holds its position
-# makes the machine softer still, 1.729 Hz with the load at 15 m. The swing has a damping of 0.17 % only. The two
-# slowest poles are the carriage itself: it may stand anywhere (0), and the rail brakes it slowly.
+# **Result:** the first frequency decreases with the height of the load, from 2.4 Hz to 1.7 Hz. With a
+# position-controlled carriage it is still lower, 1.729 Hz with the load at 15 m. Its damping ratio is only 0.17 %.
+# The two slowest poles are the rigid-body motion of the carriage: an integrator (0), and the damping of the rail.
 #
-# **Conclusion:** whether the drive is a force or a position changes the machine. Say which one you have.
+# **Conclusion:** force and position inputs give different dynamics. Specify which one the drive imposes.
 #
 # ## A motion of 3 m
 #
-# **Question:** how long does it take to move by 3 m with 3000 N, until the load stands still? We try three forces: full
-# force and full brake; the same through an *input shaper* (ZV, tuned to the mode), and the fastest force of all. The
-# last one comes from `optimal_slew`, planned on a coarse mesh of two elements. All are played on the fine model.
+# **Question:** how long does a motion of 3 m with 3000 N take, until the load is at rest? Three forces are compared:
+# bang-bang; the same with an *input shaper* (ZV, tuned to the mode); and the minimum-time force of `optimal_slew`,
+# planned on a coarse mesh of two elements. All are simulated on the fine model.
 
 # %%
 distance, limit = 3.0, 3000.0
@@ -162,17 +162,17 @@ plt.show()
 
 # %% [markdown]
 # **Result:** bang-bang needs 4.690 s and leaves 5.96 mm. The shaped force needs a quarter of a second more and leaves
-# 0.04 mm; on the way it hardly sways at all. The fastest force is hardly slower than bang-bang. It leaves 0.37 mm
-# because it was planned on the coarse mesh, and it switches eleven times, six of them in the last 35 ms, to calm
-# modes that nobody would see.
+# 0.04 mm, with little vibration during the motion. The minimum-time force is only slightly slower than bang-bang. It
+# leaves 0.37 mm because it was planned on the coarse mesh, and it switches eleven times, six of them in the last 35
+# ms, for modes of negligible amplitude.
 #
-# **Conclusion:** the fastest force is a yardstick: it says what is possible. Here a simple shaper comes within 5 % of
-# it and is the better choice.
+# **Conclusion:** the minimum time is a lower bound. Here a simple shaper is within 5 % of it and is the better
+# choice.
 #
 # ## A controller
 #
-# **Question:** can the drive damp the swing when something pushes the load? We measure the position of the carriage and
-# the acceleration of the mast's top, and design an H-infinity controller as in notebook 3.
+# **Question:** can the drive damp the vibration after a disturbance at the load? The position of the carriage and the
+# acceleration of the top of the mast are measured, and an H-infinity controller is designed as in notebook 3.
 
 # %%
 sensors = ["carriage", "top_acceleration"]
@@ -193,8 +193,8 @@ print(design.certificate.summary)
 print(bc.margins(machine, K))
 
 # %% [markdown]
-# **Question:** is it stable with every load from nothing to 1000 kg? The mass of the load stands in the mass matrix in a
-# straight line, so the crane is an *affine family*, and this can be proved.
+# **Question:** is the loop stable for every load from 0 to 1000 kg? The mass matrix is affine in the mass of the
+# load, so that the crane is an *affine family*, and stability can be proved.
 
 # %%
 family = AffineFamily.from_function({"load": (0.0, 1000.0)}, lambda values: crane(load=values["load"]))
@@ -229,10 +229,9 @@ axes[0].legend(ncols=2, loc="upper right")
 plt.show()
 
 # %% [markdown]
-# **Result:** with the carriage held, the load swings on for minutes, by 19.53 mm after 4 s. If the carriage is left free,
-# it also rolls away by a meter. With the controller the swing is gone after two seconds, and the load is back in its
-# place. The drive needs up to 3585 N for it, the model that the controller was designed on has 8 states, the crane
-# has 42 and a filter.
+# **Result:** with a fixed carriage the load vibrates for minutes, by 19.53 mm after 4 s. A free carriage also rolls
+# away by a meter. With the controller the vibration decays within two seconds, and the load returns to its position.
+# The drive needs up to 3585 N. The controller was designed on a model of 8 states; the crane has 42 and a filter.
 #
-# **Conclusion:** a page of bodies and beams is enough to get from a drawing to a controller that is proved stable for
+# **Conclusion:** a short model of bodies and beams leads from a drawing to a controller whose stability is proved for
 # each load.

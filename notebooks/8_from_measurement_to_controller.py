@@ -11,12 +11,12 @@
 # %% [markdown]
 # # 8. From data to a controller
 #
-# A motor turns a steel ruler. There is a drawing, and one minute of measurement: the motor was shaken, an encoder and a
-# strain gauge were read 250 times a second. Nobody knows how strong the amplifier really is, what friction there is, how
-# stiff the ruler is, or how it is damped.
+# A motor turns a steel ruler. The data are a drawing and one minute of measurement: the motor was excited by noise,
+# and an encoder and a strain gauge were sampled at 250 Hz. Amplifier gain, friction, stiffness and damping of the
+# ruler are unknown.
 #
-# Here the rig is simulated, so that the truth is known. It is used twice: to make the record, and at the end, to see
-# whether the controller does on the true rig what was promised. `boomctl design measured_hub` reports the same.
+# Here the rig is simulated, so that the true parameters are known. It is used twice: to simulate the record, and at
+# the end to test the controller on the true rig. `boomctl design measured_hub` writes a report of the same design.
 
 # %%
 import tempfile
@@ -35,8 +35,8 @@ plt.style.use("boomctl.plotting.look")  # or a style of your own
 # %% [markdown]
 # ## A model with unknown parameters
 #
-# Hub and ruler are as drawn. Friction acts at the hub, and the torque asked for comes out larger or smaller by the gain
-# of the amplifier. Any machine of your own can stand here: a function of parameters that returns a structure.
+# Hub and ruler are as drawn. Friction acts at the hub, and the commanded torque is multiplied by the gain of the
+# amplifier. Any function of parameters that returns a structure can be used here.
 
 # %%
 drawn = bc.HubBeamParameters(
@@ -72,7 +72,7 @@ truth = {"gain": 0.91, "friction": 8e-3, "youngs_modulus": 1.86e11, "damping_rat
 # %% [markdown]
 # ## The record
 #
-# Noise up to 60 Hz shakes the motor. The encoder has counts, the gauge has noise.
+# The motor is excited by noise up to 60 Hz. The encoder is quantized, and the gauge has noise.
 
 # %%
 step, samples, count = 0.004, 15_000, 2.0 * np.pi / 8192
@@ -88,7 +88,7 @@ seen = {"hub_angle": count * np.round(angle / count), "tip_displacement": tip + 
 # %% [markdown]
 # ## Frequency response
 #
-# Each frequency comes with its deviation and coherence.
+# The estimate has a standard deviation and a coherence at each frequency.
 
 # %%
 response = bc.estimate_frequency_response(torque, seen, step, frequency_range_hz=(0.5, 40.0))
@@ -99,8 +99,8 @@ plt.show()
 # %% [markdown]
 # ## Parameters and confidence intervals
 #
-# `bc.fit` begins from the drawing. Its intervals come from residuals correlated over frequency, not from a formula for
-# white noise.
+# `bc.fit` starts from the values of the drawing. Its intervals take the correlation of the residuals over frequency
+# into account.
 
 # %%
 fitted = bc.fit(rig, response, list(nominal), nominal, n_starts=1)
@@ -112,14 +112,15 @@ plt.show()
 # %% [markdown]
 # ## A family of models
 #
-# The box holds all four at once with 95 %, and five percent more to either side: a rig does not stay what it was.
+# The box contains all four parameters at once with a probability of 95 %, and is enlarged by five percent on either
+# side for drift.
 
 # %%
 family = fitted.family(probability=0.95, range_margin=0.05)
 print("\n".join(f"{name}: {low:.4g} to {high:.4g}" for name, (low, high) in family.ranges.items()))
 
 # %% [markdown]
-# What the fit leaves of the response becomes a band: filters that lie above it, and above what noise may hide.
+# The remaining error of the response, with its noise, is bounded by an additive uncertainty weight.
 
 # %%
 model = rig(fitted.parameters)
@@ -137,7 +138,7 @@ plt.show()
 # %% [markdown]
 # ## Tuned PD controller with notch
 #
-# It reads the encoder alone. The worst point of the box counts.
+# It reads the encoder alone, and is tuned for the worst point of the box.
 
 # %%
 weighed = partial(
@@ -154,8 +155,8 @@ design = bc.tune(weighed, structure=structure, family=family, n_starts=1, fastes
 print(repr(design))
 
 # %% [markdown]
-# Beside it an H-infinity controller for the same weights. It has as many states as the rig, and knows the fitted rig
-# alone; the box is left to the proof.
+# For comparison, an H-infinity controller for the same weights. It has as many states as the rig, and is designed for
+# the fitted parameters alone; the proof covers the box.
 
 # %%
 optimal = bc.h_infinity(weighed(model), fastest_pole=400.0)
@@ -164,8 +165,8 @@ print(optimal)
 # %% [markdown]
 # ## Robust stability of the sampled loops
 #
-# A controller runs 250 times a second, and its torque comes a millisecond late. Both loops are proved stable at every
-# point of the box, with anything beside it that is within the band, and how far a push at the tip may turn the hub is
+# The controllers run at 250 Hz, with a delay of one millisecond. Both loops are proved stable at every point of the
+# box, with any additive uncertainty within the weight, and the gain from a force at the tip to the hub angle is
 # bounded.
 
 # %%
@@ -179,12 +180,12 @@ for name, K in drives.items():
     print(bc.worst_case(family, K, "tip_force", "hub_angle", delay=0.001, rtol=0.05))
 
 # %% [markdown]
-# Twice the states gain a few percent here. The simple controller is the one to take.
+# Twice the number of states improves the bound by a few percent only. The simple controller is preferable.
 
 # %% [markdown]
 # ## C code
 #
-# The PD with notch as C99, with vectors to test it on the target.
+# The PD controller with notch as C99, with test vectors for the target.
 
 # %%
 with tempfile.TemporaryDirectory() as folder:
@@ -195,7 +196,7 @@ with tempfile.TemporaryDirectory() as folder:
 # %% [markdown]
 # ## Simulation of the true rig
 #
-# A push at the tip for a fifth of a second: the hub comes back, encoder counts and all.
+# After a force at the tip for 0.2 s the hub returns to zero, with the quantized encoder.
 
 # %%
 t = step * np.arange(501)

@@ -163,10 +163,10 @@ def compare(
     Parameters
     ----------
     results : mapping of str to system or result, or to a sequence of these
-        By name: simulated loops (RMS and peak of outputs and of controls), other runs, linear systems such as closed loops
-        (verified peak, H2 norm, slowest pole, least damping; for a boom model from platform actuators to tips), designs
-        (metrics of the closed loop, and number of controller states), margins, worst cases, sprays, slews, performances.  A
-        sequence has the metrics of all its members.
+        By name: simulated loops (RMS and peak of outputs and of controls), other simulations, linear systems such as
+        closed loops (verified peak, H2 norm, slowest pole, minimum damping ratio; for a boom model from platform
+        actuators to tips), designs (metrics of the closed loop, and number of controller states), margins, worst
+        cases, spray deposits, slews, evaluations of suspensions. A sequence has the metrics of all its items.
     omega : array_like, optional
         Angular frequencies of the plots of linear systems [rad/s].  If None, frequencies that show the peaks of all systems.
     inputs, outputs : str or sequence of str, optional

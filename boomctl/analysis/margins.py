@@ -366,7 +366,7 @@ def margins(
     >>> lead = control.ss([[-20.0]], [[1.0]], [[360.0]], -20.0, inputs="position", outputs="force")
     >>> round(bc.margins(mass, lead)["force"].phase_margin_deg, 1)
     34.0
-    >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_margin_deg, 1)  # sampling takes some
+    >>> round(bc.margins(mass, bc.discretize(lead, 0.01), delay=0.004)["force"].phase_margin_deg, 1)  # sampled
     33.2
     """
     P = of(plant, "plant", sampled=True)

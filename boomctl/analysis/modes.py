@@ -343,7 +343,7 @@ def pzmap(
     --------
     >>> import boomctl as bc
     >>> jolt, yaw = bc.split_symmetric(bc.spray_boom())
-    >>> found = bc.pzmap(yaw, "suspension_anti", "stroke_anti")  # a force and where it acts: zeros between the poles
+    >>> found = bc.pzmap(yaw, "suspension_anti", "stroke_anti")  # collocated: zeros between the poles
     >>> abs(found.poles[found.poles.imag > 0][:2]).round(2), abs(found.zeros[found.zeros.imag > 0][:1]).round(2)
     (array([ 1.54, 17.51]), array([4.66]))
     """

@@ -323,7 +323,7 @@ def sigma(
     --------
     >>> import boomctl as bc
     >>> found = bc.sigma(bc.spray_boom(), frequency_hz=[0.1, 1.0])
-    >>> found.sigma.round(3)  # one row a singular value, one column a frequency
+    >>> found.sigma.round(3)  # one row per singular value, one column per frequency
     array([[8.122, 3.016],
            [1.052, 0.637]])
     >>> round(float(found.peak)), bool(found.certified)

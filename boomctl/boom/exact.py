@@ -75,12 +75,13 @@ def exact_frequency_response(
     Raises
     ------
     TypeError, ValueError
-        Unknown names; frequencies negative or not finite.
+        If a name is unknown, or a frequency is negative or not finite.
 
     Warns
     -----
     AccuracyWarning
-        Rounding may exceed 1e-9 of the largest output to an input, and by how much: next to an undamped resonance.
+        If rounding errors may exceed 1e-9 of the largest output, as near an undamped resonance; the message contains
+        an estimate.
 
     Examples
     --------

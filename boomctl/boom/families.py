@@ -74,8 +74,8 @@ def boom_family(
     parameters : BoomParameters, optional
         By default those of Anthonis & Ramon (2003), Table 2.
     spring_factor, mass_factor : (float, float)
-        Least and largest factor on the spring stiffness, and on the mass of the beam; the family's parameters are
-        called ``"spring_factor"`` and ``"mass_factor"``.
+        Minimum and maximum factor on the spring stiffness, and on the mass of the beam; the parameters of the family
+        are ``"spring_factor"`` and ``"mass_factor"``.
     subsystem : "jolt" or "yaw", optional
         Subsystem of the symmetric boom; by default the full boom.
     elements, discretization, excitation, accelerometer_bandwidth_hz
@@ -84,12 +84,13 @@ def boom_family(
     Returns
     -------
     AffineFamily
-        The boom at every point of the box; for :func:`boomctl.robust_stability` and its like.
+        The boom at every point of the box, for :func:`boomctl.robust_stability`, :func:`boomctl.worst_case` and
+        :func:`boomctl.tune`.
 
     Raises
     ------
     TypeError, ValueError
-        As for :func:`boomctl.spray_boom`; ranges not positive or not ascending.
+        As for :func:`boomctl.spray_boom`, or if a range is not positive or not ascending.
 
     Examples
     --------

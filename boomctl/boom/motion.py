@@ -260,7 +260,7 @@ def sine_sweep(
     sample_time: float = 1e-3,
     actuator_distance: float = _DISTANCE,
 ) -> PlatformMotion:
-    """Return a sine of running frequency (a chirp) as motion of the actuators.
+    """Return a sine sweep (chirp) as motion of the platform actuators.
 
     Parameters
     ----------
@@ -271,9 +271,9 @@ def sine_sweep(
     amplitude : float
         Amplitude of the actuators that move [m].
     motion : "jolt", "yaw", "left" or "right"
-        Both actuators in phase, both in antiphase (right ahead first), or a single actuator.
+        Both actuators in phase, both in antiphase (the right one forward first), or a single actuator.
     logarithmic : bool
-        If True, each octave has the same duration.  If False, each hertz.
+        If True, logarithmic sweep (constant time per octave). If False, linear sweep (constant time per hertz).
     sample_time : float
         Time between samples [s].
     actuator_distance : float
@@ -287,7 +287,7 @@ def sine_sweep(
     Raises
     ------
     TypeError, ValueError
-        A value not above zero, fewer than two samples a period, an unknown motion.
+        If a value is not positive, there are fewer than two samples per period, or the motion is unknown.
 
     Examples
     --------

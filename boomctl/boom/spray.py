@@ -176,7 +176,7 @@ class SprayResult:
 
     @property
     def min_dose(self) -> float:
-        """Least deposit of a cell over the nominal one."""
+        """Minimum deposit of a cell relative to the nominal one."""
         return float(self.evaluated_deposit.min())
 
     @property
@@ -220,19 +220,19 @@ class SprayResult:
 
 
 def nozzle_positions(parameters: BoomParameters | None = None, spacing: float = 0.5) -> Array:
-    """Return positions of nozzles along a boom, equally spaced about its center.
+    """Return the positions of equally spaced nozzles along a boom.
 
     Parameters
     ----------
     parameters : BoomParameters, optional
-        The boom; by default that of Table 2.
+        The boom; by default that of Anthonis & Ramon (2003), Table 2.
     spacing : float
         Distance between nozzles [m].
 
     Returns
     -------
     (n,) ndarray
-        Positions from left to right, 0 at the center [m]; the number is the largest that fits the length.  If ``spacing``
+        Positions from left to right, 0 at the center [m]; the maximum number that fits the length.  If ``spacing``
         divides the length, the outermost nozzles are half a spacing from the tips.
 
     Raises
@@ -262,7 +262,7 @@ def spray_deposit(
     footprint: Footprint | None = None,
     cell_size: float | tuple[float, float] = 0.1,
 ) -> SprayResult:
-    """Return how evenly the nozzles of a moving boom spray the field.
+    """Return the spray deposit of the nozzles of a moving boom.
 
     Parameters
     ----------
@@ -278,14 +278,14 @@ def spray_deposit(
         Positions of the nozzles, equally spaced, between the first and the last point [m], with linear interpolation
         between the points.  By default there is a nozzle at each point.
     footprint : Footprint, optional
-        By default a triangle of twice the nozzles' spacing along the boom, 0.1 m thick.
+        By default a triangle along the boom, twice the nozzle spacing wide, and 0.1 m in the driving direction.
     cell_size : float or (float, float)
-        Size of the cells of the field along the boom and along the drive [m].
+        Size of the cells of the field along the boom and in the driving direction [m].
 
     Returns
     -------
     SprayResult
-        The deposit of each cell over the nominal one, its coefficient of variation ``cv`` and extremes.
+        The deposit of each cell relative to the nominal one, its coefficient of variation ``cv`` and its extremes.
 
     Raises
     ------
@@ -299,7 +299,7 @@ def spray_deposit(
     >>> import boomctl as bc
     >>> import numpy as np
     >>> time, positions = np.arange(0.0, 20.0, 0.01), [-6.0, 6.0]
-    >>> yaw = np.outer([-1.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # tips 0.1 m to and fro
+    >>> yaw = np.outer([-1.0, 1.0], 0.1 * np.sin(2.0 * np.pi * 0.25 * time))  # tip amplitude 0.1 m
     >>> spray = bc.spray_deposit(time, yaw, positions, speed=2.5, nozzles=bc.nozzle_positions())
     >>> round(spray.cv, 4), round(spray.min_dose, 3), round(spray.max_dose, 3)
     (0.0245, 0.944, 1.063)

@@ -249,8 +249,9 @@ def iso_track(
 ) -> Track:
     """Return a random track of a road class of ISO 8608, the same for the same seed on every machine.
 
-    A seed is a ground of 10 km, and a track its first meters: a longer track begins with a shorter one, and a
-    finer track has the same heights at common points.  Waves that two ranges have in common are equal.
+    A seed determines a profile of 10 km, of which a track is the first part: a longer track begins with the shorter
+    one, and a finer track has the same heights at common points. Components that two wave-number ranges have in
+    common are equal.
 
     Parameters
     ----------
@@ -269,8 +270,8 @@ def iso_track(
     coherence : "isotropic", "full" or "none"
         Coherence of left and right, see :func:`track_coherence`.
     periodic : bool
-        If True, the track has the period `length`.  All wave lengths are integer fractions of `length`, so different
-        lengths have different ground.
+        If True, the track has the period `length`. All wavelengths are integer fractions of `length`, so that tracks
+        of different lengths differ.
 
     Returns
     -------
@@ -285,8 +286,9 @@ def iso_track(
 
     Notes
     -----
-    Half sum and half difference of the two sides are independent with densities ``(1 +- coherence)/2 G_d``; each is the
-    Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has that density exactly.
+    Half sum and half difference of the two sides are independent, with power spectral densities ``(1 +- coherence)/2
+    G_d``; each is the Fourier sum over the wave numbers ``j/length`` with independent Gaussian amplitudes, which has
+    that density exactly.
 
     Examples
     --------

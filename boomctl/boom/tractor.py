@@ -169,7 +169,7 @@ def tractor_system(
     Raises
     ------
     TypeError, ValueError
-        Not a tractor; a speed or distance not above zero.
+        If `tractor` is invalid, or a speed or distance is not positive.
 
     Examples
     --------

@@ -73,7 +73,7 @@ def write_controller(
     =========  ==========================================================================================================
     ``.json``  matrices, time step, names, units, certificate, provenance; numbers to the last bit
     ``.mat``   the same matrices for MATLAB and Octave, and ``NAME.m``, a function that returns ``ss`` with names
-    ``.c``     C99: ``NAME.c`` and ``NAME.h``, one function a sample, with limits and anti-windup as
+    ``.c``     C99: ``NAME.c`` and ``NAME.h``, a step function for each sample, with limits and anti-windup as
                :func:`boomctl.simulate_loop` has them, in double or (``-DNAME_SINGLE``) single precision, no memory
                allocated; and ``NAME_test.c``, a program that compares it with numbers computed here
     =========  ==========================================================================================================
@@ -87,7 +87,7 @@ def write_controller(
     sample_time : float, optional
         Sample time [s] of a continuous-time controller, for :func:`boomctl.discretize`. Required for C.
     control_limit, rate_limit : float or mapping from control to float, optional
-        For C code: largest control, and largest rate of the control.
+        For C code: maximum absolute control, and its maximum rate.
     anti_windup : bool
         For C code: correct the states if the output is limited.
     units : mapping from signal to str, optional
@@ -181,7 +181,7 @@ def controller_contents(
     )
     if suffix == ".c":
         if K.dt == 0.0 or np.isnan(K.dt):
-            raise ValueError(f"{name}.c: C code runs once a sample: expected sample_time in seconds")
+            raise ValueError(f"{name}.c: expected sample_time [s] for C code of a continuous-time controller")
         force = per_signal("control_limit", control_limit, K.output_labels)
         rate = per_signal("rate_limit", rate_limit, K.output_labels) * K.dt
         L = correction((K,), force, rate)[0] if truth("anti_windup", anti_windup) else np.zeros((len(K.A), len(K.C)))

@@ -102,17 +102,17 @@ def fit(
         all of them once, ascending).  Parameters for which it raises ValueError or ArithmeticError are not searched.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
         Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
-        singular values (magnitudes).  A curve with phase is fitted as a complex response, a curve without phase as singular
-        values; ``data.kind`` of the result states the kind.
-        A list of these: several data sets of one kind, such as days.
+        singular values (magnitudes).  A `MeasuredFrequencyResponse` with phase is fitted as a complex response, one
+        without phase as singular values; ``data.kind`` of the result states the kind. A list of these: several data
+        sets of one kind, such as days.
     free : names, or mapping from names to (low, high) or None
         Names of the parameters that are fitted. A range limits the search, and further starts are drawn from it. By default
         all parameters of a family.
     initial : dataclass or mapping, optional
         Initial parameters, including fixed ones.  By default the midpoint of a family, or of the ranges.
     modes : sequence of int, optional
-        Mode number of each eigenfrequency, from 1.  If None, the nearest modes, because the measurement may lack modes. The
-        same for all data sets.
+        Mode number of each eigenfrequency, from 1.  If None, each measured value is assigned to the nearest mode,
+        because the measurement may lack modes. The same for all data sets.
     weights : array_like, optional
         Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
         response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
@@ -162,7 +162,7 @@ def fit(
     Examples
     --------
     >>> import boomctl as bc
-    >>> def spring(parameters):  # a model of one's own: the eigenfrequency [Hz] of a mass of 2 kg on a spring
+    >>> def spring(parameters):  # natural frequency [Hz] of a mass of 2 kg on a spring
     ...     return [(parameters["stiffness"] / 2.0) ** 0.5 / 6.2832]
     >>> found = bc.fit(spring, [0.8], initial={"stiffness": 10.0}, free=["stiffness"], error_std=0.01)
     >>> round(found.values["stiffness"], 2), [round(end, 1) for end in found.intervals["stiffness"]]

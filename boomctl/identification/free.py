@@ -24,7 +24,7 @@ class FreeParameters:
     ----------
     names : tuple of str
     record : dataclass or dict
-        The parameters to begin from.
+        Initial parameters.
     start : (p,) ndarray
         Values of the free ones there.
     scale : (p,) ndarray
@@ -142,7 +142,7 @@ def _start(build: object, free: object, start: object) -> Any:
     if isinstance(free, Mapping) and free and all(pair is not None for pair in free.values()):
         ends = {str(name): interval(str(name), pair) for name, pair in free.items()}
         return {n: float(np.sqrt(a) * np.sqrt(b)) if a > 0.0 else 0.5 * (a + b) for n, (a, b) in ends.items()}
-    raise TypeError("initial: expected the parameters to begin from, a dataclass or a mapping, got None")
+    raise TypeError("initial: expected initial parameters, a dataclass or a mapping, got None")
 
 
 def _numbers(record: Any) -> dict[str, Any]:

@@ -53,7 +53,7 @@ _LATER = 3  # Excluded lags: the band correlates neighbors.
 
 @dataclass(frozen=True)
 class IdentifiedMode:
-    """A mode as a record shows it.
+    """Mode identified from a record.
 
     Attributes
     ----------
@@ -62,7 +62,7 @@ class IdentifiedMode:
     damping_ratio : float
         Damping ratio.
     frequency_interval_hz, damping_ratio_interval : (float, float)
-        Intervals of ``confidence_level`` of the mean over the record, from blocks of it.
+        Confidence intervals of the mean over the record, from a block jackknife.
     shape : (p,) ndarray
         Mode shape at the outputs, as displacements; complex, the largest component is one.
     energy_fraction : float
@@ -70,9 +70,10 @@ class IdentifiedMode:
     stabilization : float
         Fraction of the orders with a stable pole at the mode; 0 if it was found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
-        Intervals of ``confidence_level`` for another record of the kind, from long parts of this one: structures drift.
+        Prediction intervals for another record of the same kind, from the scatter between long parts of this one.
     closely_spaced : bool
-        Whether the left-out error shows a second mode within three half widths that the record does not determine.
+        True if cross-validation indicates a second mode within three half bandwidths, which the record does not
+        determine.
     """
 
     frequency_hz: float
@@ -91,7 +92,7 @@ class IdentifiedMode:
 
 @dataclass(frozen=True)
 class RealPole:
-    """A real pole of a record: no mode, but friction, a motor, or a filter.
+    """Real pole identified from a record: friction, a motor or a filter, not a mode.
 
     Attributes
     ----------
@@ -112,40 +113,42 @@ class RealPole:
 
 @dataclass(frozen=True)
 class IdentificationResult:
-    """A modal model of a record, and how it was validated.
+    """Modal model identified from a record, with its validation.
 
     Attributes
     ----------
     modes : tuple of IdentifiedMode
-        Those within the band, by frequency.
+        Modes within the frequency range, in ascending frequency.
     real_poles : tuple of RealPole
-        Friction, motors and filters.
+        Real poles, such as those of friction, motors and filters.
     integrators : int
         1 for a motor whose angle is measured, 2 for a body that a force moves, 0 for a structure on supports.
     system : StateSpace
-        In continuous time, inputs and outputs named; modes outside the band are its feedthrough and states "outside".
+        Continuous-time model with named signals; modes outside the band are represented by the feedthrough and the
+        states "outside".
     model : SecondOrderModel
-        The same as a structure whose forces are the inputs: one coordinate of mass one for each mode.  Of several inputs,
-        whose forces act in phase on a real mode, it is the nearest such structure if that costs less than one point of the
-        fit; otherwise modes have two coordinates.
+        The same model as a structure in modal coordinates with unit modal masses, whose inputs are forces. For
+        several inputs it is the nearest structure with real modes, one coordinate for each, if ``fit_percent``
+        decreases by less than one point; otherwise complex modes have two coordinates.
     fit_percent : dict of str to float
-        ``100 (1 - |y - predicted| / |y|)`` of each output within the band on the part held back.
+        ``100 (1 - |y - predicted| / |y|)`` of each output within the band, on the validation data.
     whiteness_p_value : dict of str to float
-        Chance of residuals as colored as each output's, were they white noise (Bartlett's cumulated periodogram).
+        p-value of the whiteness test of the residuals of each output (Bartlett's cumulative periodogram).
     frequency_range_hz : (float, float)
-        Frequencies within which modes were sought [Hz].
+        Frequency range in which modes were identified [Hz].
     confidence_level : float
-        Of the intervals.
+        Confidence level of the intervals.
     parts : int
-        Long parts of the record, or records, that prediction intervals come from.
+        Number of parts of the record, or of records, from which prediction intervals were computed.
     uncertainty_source : str
         Origin of intervals and validation.
     stabilization_poles : dict of int to ndarray
         Poles [rad/s] at each order, before the fit.
     validation_spectra : (3, n) ndarray
-        Frequencies [Hz]; size of the outputs and of what is not predicted, on the part held back, over the outputs' size.
+        Frequencies [Hz], and spectra of outputs and residuals on the validation data, normalized by the RMS of each
+        output.
     elapsed : float
-        Time that the identification took [s].
+        Run time [s].
     """
 
     modes: tuple[IdentifiedMode, ...]
@@ -333,13 +336,14 @@ def identify(
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
-        Samples, one row per sample; several records as a list.  Or only FrequencyResponseData, or the result of
-        `read_frequency_response`, instead of inputs; for a result of `estimate_frequency_response` its record is fitted,
-        within its frequencies, and the full record validated.
+        Samples, one row per sample; several records as a list. Inputs must be measured. For a free decay, pass an
+        impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or
+        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; for a result of
+        `estimate_frequency_response` its record is fitted, within its frequencies, and the full record validated.
     sample_time : float
         Time between samples [s].
     modes : int, optional
-        Number of modes in the band.  By default all modes with evidence.
+        Number of modes in the band. By default all modes that the data determine, see Notes.
     rigid_body : {0, 1, 2}, optional
         Integrators of the plant: 1 for a motor whose angle is measured, 2 for a body that a force moves freely, 0 for none.
         By default determined from the data.
@@ -353,7 +357,7 @@ def identify(
     validation_fraction : float
         Fraction of each record, at its end, for validation only; 0: validation on the fitted data.
     order : int, optional
-        Highest order of the common denominators; the modes depend weakly on it.
+        Highest order of the common-denominator models of the stabilization diagram; the result depends weakly on it.
     confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     error_model : "relative" or "absolute", optional
@@ -362,7 +366,7 @@ def identify(
 
     Returns
     -------
-    Identification
+    IdentificationResult
         Modes with intervals, a ``StateSpace``, a structure if one exists, and the fit on the validation data.
 
     Raises
@@ -379,13 +383,13 @@ def identify(
 
     Notes
     -----
-    The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer, Guillaume &
-    Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues and free motions
-    eliminated (variable projection, Golub & Pereyra 1973).  A mode remains if the record determines its damping ratio to a
-    factor of 2 and its frequency to a half width of its resonance, both at 95 %.  Candidates in the residuals, alone or as
-    a close pair, pass the same test in a separate window; close to another mode they must also lower the error on omitted
-    blocks (cross-validation).  Integrators, up to two real poles, and pairs of poles outside the band are added only if this
-    error falls.
+    The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer,
+    Guillaume & Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues
+    and initial conditions eliminated (variable projection, Golub & Pereyra 1973).  A mode is retained if the record
+    determines its damping ratio within a factor of 2 and its frequency within the half-power half bandwidth ``zeta
+    f``, both at 95 % confidence.  Candidates in the residuals, alone or as a close pair, pass the same test in a
+    separate window; close to another mode they must also lower the error on omitted blocks (cross-validation).
+    Integrators, up to two real poles, and pairs of poles outside the band are added only if this error falls.
 
     The fit on the validation data is computed by a free run: simulation of the exported system with the inputs alone, from
     one initial state.  Then the model is fitted to the full record.
@@ -558,12 +562,12 @@ def _of_response(
     source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
     if hasattr(response, "deviation"):
         if error_model is not None:
-            raise TypeError(f"error_model = {error_model!r}: expected None for a response that says its own deviation")
+            raise TypeError(f"error_model = {error_model!r}: expected None for a response with standard deviations")
         sizes = {source: response.deviation}
     else:
         models = {"relative": np.abs(response.frdata), "absolute": None}
         chosen = models if error_model is None else [known("error_model", error_model, models)]
-        sizes = {f"{source}; errors taken for {name}": models[name] for name in chosen}
+        sizes = {f"{source}; errors assumed {name}": models[name] for name in chosen}
     trials = []
     for words, size in sizes.items():
         data = Spectra.of_response(response, *ends_hz, size)
@@ -599,7 +603,7 @@ def _modes_first(fit: CommonPoles, trial: _Trial, wanted: int | None) -> tuple[C
         noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
         bare = not number and not fit.integrators and not len(fit.poles)
         turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
-        remedy = "" if turned else "; a longer record, more excitation or another band would help"
+        remedy = "" if turned else "; a longer record, more excitation or another frequency range may help"
         raise ValueError(
             f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {number}:"
             f" {min(noise, 100.0):.3g} % of the outputs is not explained by the inputs{turned}{remedy}"
@@ -624,7 +628,7 @@ def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
         )
     if percent.min() < _POOR:
         warn_user(
-            f"The model predicts {outputs[worst]!r} of the held-back part by {percent[worst]:.3g} % only (mean"
+            f"The model predicts {outputs[worst]!r} of the validation data by {percent[worst]:.3g} % only (mean"
             f" {percent.mean():.3g} %). Use a longer record, or another `frequency_range_hz`."
         )
 

@@ -45,7 +45,7 @@ class Record:
     step : float
         Time between samples [s].
     quantity : tuple of str
-        What each output is: "displacement", "velocity" or "acceleration".
+        Quantity of each output: "displacement", "velocity" or "acceleration".
     intersample : "bl", "zoh" or None
         Inputs between samples: band-limited, zero-order hold, or not known yet.
     """
@@ -84,7 +84,9 @@ class Record:
         for what, names, data in (("inputs", ins, u), ("outputs", outs, y)):
             for i, name in enumerate(names):
                 if not any(np.ptp(record[:, i]) > 0.0 for record in data):
-                    raise ValueError(f"{what}: expected signals that move, got {name!r} constant at {data[0][0, i]:g}")
+                    remedy = "; for a free decay, pass an impulse at the release" if what == "inputs" else ""
+                    value = f"{data[0][0, i]:g}"
+                    raise ValueError(f"{what}: expected signals that vary, got {name!r} constant at {value}{remedy}")
                 if what == "outputs":
                     _not_clipped(name, [record[:, i] for record in data])
         kinds = quantities(quantity, outs)
@@ -164,13 +166,15 @@ def _bare(values: Any) -> Any:
 
 
 def _one(what: str, values: Any, word: str) -> tuple[tuple[str, ...], Array]:
+    if values is None:
+        raise TypeError(f"{what}: expected measured signals, got None")
     if not isinstance(values, Mapping):
         data = finite_array(what, values)
         data = data[:, None] if data.ndim == 1 else data
         if data.ndim != 2 or not data.shape[1]:
             raise ValueError(f"{what}: expected samples x signals, got shape {data.shape}")
         if data.shape[1] > len(data):
-            raise ValueError(f"{what}: expected a row a sample, got shape {data.shape}; is it transposed?")
+            raise ValueError(f"{what}: expected one row per sample, got shape {data.shape}; is it transposed?")
         return tuple(f"{word}_{k + 1}" for k in range(data.shape[1])), data
     if not values:
         raise ValueError(f"{what}: expected at least one signal, got none")

@@ -35,20 +35,21 @@ _LEVELS = 16  # steps of the range, of which a jump has more than one and a half
 
 
 class FrequencyResponseEstimate(control.FrequencyResponseData):
-    """A frequency response estimated from a record: python-control's frequency response data, and how sure it is.
+    """Frequency response estimated from a record, with standard deviations and coherence.
 
     Attributes
     ----------
     deviation : (outputs, inputs, n) ndarray
         Standard deviation of the real and of the imaginary part of each entry.
     coherence : (outputs, n) ndarray
-        Multiple coherence: the share of each output's power that the inputs explain, from 0 to 1.
+        Multiple coherence: fraction of the power of each output that is linearly related to the inputs, from 0 to 1.
     quantity : tuple of str
-        What each output is: "displacement", "velocity" or "acceleration".
+        Quantity of each output: "displacement", "velocity" or "acceleration".
     source : str
-        What the deviation comes from: local fits or periods, and their number.
+        Origin of the deviation: local fits or periods, and their number.
     record : Record or None
-        The record, to which `identify` fits: errors of local fits that overlap are correlated.  None for periods.
+        The record, to which `identify` fits the modes, because errors of overlapping local fits are correlated. None
+        for periodic excitation.
     """
 
     deviation: Array
@@ -104,7 +105,7 @@ def estimate_frequency_response(
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
-        Samples, a row a sample; several records as a list of arrays or of mappings.
+        Samples, one row per sample; several records as a list of arrays or of mappings.
     sample_time : float
         Time between samples [s].
     quantity : "displacement", "velocity", "acceleration", or mapping of outputs to these
@@ -117,7 +118,8 @@ def estimate_frequency_response(
         from the periods; the record must begin in the steady state.  Needs as many records as inputs, each with a different
         excitation.
     resolution_hz : float, optional
-        Spacing of the frequencies of the result.  By default the finest with nearly uncorrelated neighbors.
+        Spacing of the frequencies of the result.  By default the smallest spacing at which adjacent estimates are
+        nearly uncorrelated.
     frequency_range_hz : (float, float), optional
         Frequency range of the result [Hz].  By default all frequencies at which the inputs have power.
 
@@ -134,10 +136,12 @@ def estimate_frequency_response(
 
     Notes
     -----
-    Response and transients are ratios of polynomials over a few lines of the spectrum, by linear least squares (local
-    rational method, McKelvey & Guerin 2012), so that a record may begin and end in motion and resonances may be narrower
-    than a line.  A record of one early impact is assumed to begin at rest.
-    For held inputs the response is divided by the response of the hold; aliasing from above half the sampling rate remains.
+    In a window of a few spectral lines, response and transient are fitted as ratios of polynomials by linear least
+    squares (local rational method, McKelvey & Guerin 2012). There is no leakage error if a record begins or ends in
+    motion, and resonances may be narrower than a line.  A record of one early impact is assumed to begin at rest. For
+    ``intersample="zoh"`` the response of the zero-order hold is divided out; aliasing from above half the sampling
+    rate remains. Inputs that are linear between samples, as in `forced_response`, are neither: their spectrum should
+    be limited to well below half the sampling rate.
 
     Examples
     --------
@@ -195,7 +199,7 @@ def with_intersample(record: Record, top_hz: float) -> Record:
         return record
     if expected is None and top_hz > _SLOW / record.step:
         warn_user(
-            "intersample: the record does not show whether its inputs are band-limited ('bl', taken here: measured behind"
+            "intersample: the record does not show whether its inputs are band-limited ('bl', assumed: measured behind"
             " an anti-alias filter) or held between samples ('zoh': a computed command), and the wrong one shifts phases"
             f" by half a sample, {180.0 * top_hz * record.step:.2g} degrees at {top_hz:.4g} Hz; give intersample"
         )

@@ -24,20 +24,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FitResult(Summarized):
-    """Parameters of a model that fit measurements.
+    """Result of a parameter fit.
 
     Attributes
     ----------
     parameters : dataclass or dict
-        Record of parameters, of the type of the initial one, with the fitted values.
+        Parameters, of the type of the initial ones, with the fitted values.
     names : tuple of str
         The free parameters.
     values : dict of str to float
         Fitted values of the free parameters.
     intervals : dict of str to (float, float)
-        Interval of each free parameter, in which it lies with ``confidence_level``: from the covariance of the linearized
-        model and Student's t, symmetric in the logarithm of positive parameters.  An end is infinite (0 for a parameter
-        above zero) where the measurements, within the range, do not bound the parameter.
+        Confidence interval of each free parameter: from the covariance of the linearized model and Student's t,
+        symmetric in the logarithm of positive parameters.  An end is infinite (0 for a positive parameter) if the
+        measurements do not bound the parameter within its range.
     confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     standard_errors : dict of str to float
@@ -67,15 +67,15 @@ class FitResult(Summarized):
     uncertainty_source : str
         Origin of the intervals: data sets, residuals correlated over frequency, or errors treated as independent.
     parameter_dof : dict of str to float
-        Dof of each standard error, for Student's t; infinite if ``error_std`` was specified.
+        Degrees of freedom of each standard error, for Student's t; infinite if ``error_std`` was specified.
     per_dataset : tuple of dict
         Values for each of several data sets separately; empty for one data set.
     nfev : int
         Evaluations of the model by the searches from all starts, those for derivatives not counted.
     elapsed : float
-        Time that the fit took [s].
+        Run time [s].
     model : callable or family, or None
-        What makes the model of its parameters; None after unpickling where it does not pickle.
+        Function or family that was fitted; None after unpickling if it cannot be pickled.
     """
 
     parameters: Any

@@ -17,7 +17,7 @@ UNSCALED = "_boomctl_unscaled"  # attribute of a state-space system whose signal
 class ScaledStateSpace(control.StateSpace):
     """State-space system whose signals are divided by their scales.
 
-    A scale is the amount of a signal, in its own unit, that counts as one. `boomctl.scale_signals` returns such a
+    A scale is the value of a signal, in its own unit, that is scaled to one. `boomctl.scale_signals` returns such a
     system. The scales are retained by `boomctl.reduce`, `boomctl.generalized_plant`, `boomctl.mixed_sensitivity`,
     `boomctl.with_state_outputs`, `boomctl.discretize`, `boomctl.analysis.sample_plant`, `boomctl.feedback_loop` and
     `boomctl.synthesis.select_channels`. Arithmetic and conversions of python-control return a plain

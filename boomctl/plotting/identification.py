@@ -112,7 +112,7 @@ def plot_response(
 def plot_identification(result: "IdentificationResult", ax: Any = None, **drawn: Any) -> Any:
     """Draw poles over orders with the identified modes, and spectra of validation data and residuals; return the axes."""
     with panels(ax, ("stabilization", "validation"), (7.0, 5.5)) as axes:
-        first = {"label": "pole before the fit"}
+        first = {"label": "pole of a model order"}
         for order, poles in result.stabilization_poles.items():
             look = line_look({}, marker=".", linestyle="none", color=_BEFORE, **first)
             axes[0].plot(poles.imag / (2.0 * np.pi), np.full(len(poles), order), **look)
@@ -123,10 +123,10 @@ def plot_identification(result: "IdentificationResult", ax: Any = None, **drawn:
             axes[0].axvspan(*mode.frequency_interval_hz, color=COLORS[1], alpha=_SHADE, linewidth=0.0)
         hz, outputs, left = result.validation_spectra
         axes[1].plot(hz, outputs, **line_look(drawn, color=COLORS[0], label="outputs"))
-        axes[1].plot(hz, left, **line_look(drawn, color=COLORS[5], linewidth=0.8, label="not predicted"))
+        axes[1].plot(hz, left, **line_look(drawn, color=COLORS[5], linewidth=0.8, label="residuals"))
         axes[1].set_yscale("log")
         axes[0].set_ylabel("order")
-        axes[1].set_ylabel("size over outputs' size")
+        axes[1].set_ylabel("spectrum / RMS of outputs")
         frequency_axis(axes[1])
         for item in axes:
             item.set_xlim(*result.frequency_range_hz)

@@ -41,7 +41,7 @@ def plot_loop(
     Raises
     ------
     TypeError, ValueError
-        Unknown outputs; other axes, or not so many; no property of a line.
+        If an output is unknown, the axes or their number do not match, or a property of a line is invalid.
     """
     groups = [
         *_panels("outputs", _chosen(result.outputs, outputs, without=result._strokes), result.units),

@@ -64,13 +64,13 @@ def reduce(
         The stable part of a discrete system is reduced as its continuous image under the bilinear map, which has the same
         norms and Hankel singular values.
     order : int, optional
-        Number of states, retained states included.  The result has fewer, with a warning, if the remaining Hankel singular
-        values are rounding error, or if "modal" would have to split a pair of poles.
+        Number of states, retained states included.  The result has fewer, with a warning, if the remaining Hankel
+        singular values are rounding error, or "modal" would separate a pair of poles.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
-        not), the strongest modes with the static gain of the others; for a structure, the strongest undamped modes with
-        the static gain of the others, which gives a smaller structure (an even order, two states per coordinate, and
+        not), modal truncation (dominant modes) with the static gain of the others; and for a structure, dominant
+        undamped modes with the static gain of the others, which returns a structure (of even order,
         without an a priori bound: ``inf``).
     max_error : float, optional
         Instead of ``order``: largest absolute verified error; the lowest such order is selected.  If there is none, the

@@ -61,8 +61,10 @@ def chosen_beam(
     if accuracy is None:
         raise ValueError("accuracy = None: expected a number; accuracy and maneuver go together")
     if maneuver is None:
-        raise ValueError("maneuver = None: expected one as spin_up, sine_torque, ... return it; it goes with accuracy")
-    instance("maneuver", maneuver, (PrescribedMotion, TorqueDriven), "one as spin_up, sine_torque, ... return it")
+        raise ValueError("maneuver = None: accuracy requires a maneuver, such as spin_up(...) or sine_torque(...)")
+    instance(
+        "maneuver", maneuver, (PrescribedMotion, TorqueDriven), "a maneuver, such as spin_up(...) or sine_torque(...)"
+    )
     wanted = positive("accuracy", accuracy)
     if not ACCURACIES[0] <= wanted <= ACCURACIES[1]:
         raise ValueError(f"accuracy = {exactly(wanted)}: expected {ACCURACIES[0]:g} to {ACCURACIES[1]:g}")

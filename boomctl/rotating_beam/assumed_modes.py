@@ -59,7 +59,7 @@ class AssumedModesBeam(HubBeam):
     model : str
         "tlam", "sfoam", "sfoam-consistent", "foam" or "cfoam"; see `hub_beam`.
     modes : int
-        Number n of transverse modes, and of axial ones where the model has them; up to 200, CFOAM up to 60.
+        Number n of transverse modes, and of axial modes if the model has them; at most 200, for CFOAM 60.
     selection : record, optional
         Result of the selection by accuracy in a maneuver, with the tested candidates: see `hub_beam`.
     """
@@ -143,7 +143,7 @@ class AssumedModesBeam(HubBeam):
         Raises
         ------
         TypeError, ValueError
-            Not finite, or not as many numbers as states; no steady rotation at that speed.
+            If a value is not finite, there are not as many values as states, or there is no steady rotation at this speed.
         """
         equations, size = self.equations, self._size
         x = finite_array("state", state, ndim=1)
@@ -167,13 +167,13 @@ class AssumedModesBeam(HubBeam):
         Parameters
         ----------
         hub_speed : (float, float) or float
-            Least and largest hub speed [rad/s]; a number: that speed alone.
+            Minimum and maximum hub speed [rad/s], or a single speed.
         tip_mass : (float, float), optional
-            Least and largest point mass [kg]; by default the mass of the parameters.
+            Minimum and maximum point mass [kg]; by default the mass of the parameters.
         sensors : sequence of BeamSensor
             Further outputs; none of acceleration.
         **ranges : (float, float)
-            Least and largest value of any other parameter of the beam, by name.
+            Minimum and maximum of any other parameter of the beam, by name.
 
         Returns
         -------
@@ -185,8 +185,8 @@ class AssumedModesBeam(HubBeam):
         Raises
         ------
         TypeError, ValueError
-            Ranges that are not two ascending numbers, or none at all; a speed at which there is no steady rotation; a
-            sensor of acceleration.
+            If a range is not two ascending numbers, there is none, there is no steady rotation at a speed, or a
+            sensor measures acceleration.
 
         Examples
         --------

@@ -92,7 +92,7 @@ class HubBeam(ABC):
     model : str
         Name of the model, as in `hub_beam`.
     modes : int
-        Number of shape functions; the model says which, and how many there may be.
+        Number of shape functions, see `hub_beam`.
     selection : record or None
         Result of the selection by accuracy in a maneuver, with the tested candidates; None if the model was specified.
 
@@ -152,15 +152,15 @@ class HubBeam(ABC):
 
     @abstractmethod
     def divergence_speed(self) -> float:
-        """Return the hub speed at which some stiffness is first lost.
+        """Return the hub speed at which a stiffness vanishes (divergence).
 
-        TLAM loses the transverse stiffness ``K2 - w^2 M2``, FOAM, CFOAM and the geometrically exact beam the axial one
-        ``K1 - w^2 M1``; SFOAM loses none, for ``D >= M2``.
+        For TLAM it is the transverse stiffness ``K2 - w^2 M2``, for FOAM, CFOAM and the geometrically exact beam the
+        axial stiffness ``K1 - w^2 M1``. SFOAM has no such speed, because ``D >= M2``.
 
         Returns
         -------
         float
-            Hub speed [rad/s]; `math.inf` where none is lost.
+            Hub speed [rad/s]; `math.inf` if there is none.
         """
 
     @cached_property
@@ -171,20 +171,21 @@ class HubBeam(ABC):
 
     @one_blas_thread
     def eigenfrequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
-        """Natural frequencies of the beam at a constant, prescribed hub speed, about the beam stretched by the rotation.
+        """Return the natural frequencies of the beam at a constant, prescribed hub speed.
 
         Parameters
         ----------
         hub_speed : float
-            Hub speed w, rad/s, below the critical one.
+            Hub speed w [rad/s], below the divergence speed.
         coupled : bool
-            False: transverse modes alone, for the assumed-modes models of ``K2 + w^2 (D - M2)`` (Eq. 31; TLAM without
-            D). True: axial and transverse modes with their gyroscopic coupling.
+            If False, transverse modes alone, for the assumed-modes models with the stiffness ``K2 + w^2 (D - M2)``
+            (Eq. 31; TLAM without D). If True, axial and transverse modes with gyroscopic coupling.
 
         Returns
         -------
         ndarray
-            Frequencies in Hz, ascending: one a mode, or two a mode with axial ones. The highest have not converged.
+            Frequencies [Hz], ascending: one per transverse mode, and one per axial mode if `coupled`. The highest are not
+            converged.
 
         Raises
         ------
@@ -195,7 +196,8 @@ class HubBeam(ABC):
         Warns
         -----
         BoomctlWarning
-            If the lowest is below 1e-4 Hz and none is above 0.01 Hz, or the lowest is above 1e5 Hz: units that are not SI.
+            If the frequencies suggest units other than SI: the lowest is below 1e-4 Hz and none is above 0.01 Hz, or
+            the lowest is above 1e5 Hz.
         """
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
@@ -424,7 +426,7 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            Not a finite number, or negative.
+            If the value is not finite, or is negative.
         """
         return self._with(tip_mass=tip_mass)
 
@@ -444,7 +446,7 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            Not a number above zero.
+            If the value is not a positive number.
         """
         return self._with(second_moment=positive("factor", factor) * self.parameters.second_moment)
 
@@ -495,15 +497,16 @@ class HubBeam(ABC):
 
     @one_blas_thread
     def linearize(self, hub_speed: float = 0.0, sensors: Sequence[BeamSensor] | None = None) -> control.StateSpace:
-        """Linearize about steady rotation at a hub speed, the beam stretched as the model has it, the hub free.
+        """Linearize about steady rotation at a hub speed, with a free hub.
 
         Parameters
         ----------
         hub_speed : float
             Hub speed, rad/s.
         sensors : sequence of BeamSensor or None
-            None: signals as `to_nlsys`. A sequence, which may be empty: all inputs and outputs that the beam has in
-            `simulate_loop`, these sensors among them.
+            If None, the input is the torque, and the outputs are hub angle, hub speed and tip displacement. If a
+            sequence, which may be empty, all inputs and outputs of the beam in `simulate_loop`, including these
+            sensors.
 
         Returns
         -------
@@ -513,7 +516,7 @@ class HubBeam(ABC):
         Raises
         ------
         TypeError, ValueError
-            If `hub_speed` is not a finite number, or at least that at which the axial stiffness is lost.
+            If `hub_speed` is not a finite number, or is at or above the speed at which the axial stiffness vanishes.
         """
         if sensors is None:
             return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
@@ -597,7 +600,7 @@ class HubBeam(ABC):
 
     def _start(self, maneuver: Maneuver, initial: ArrayLike | None) -> tuple[Array, Array]:
         """Coordinates and rates at t = 0, the hub's as the maneuver has them."""
-        instance("maneuver", maneuver, (PrescribedMotion, TorqueDriven), "one as spin_up, hold, ... return it")
+        instance("maneuver", maneuver, (PrescribedMotion, TorqueDriven), "a maneuver, such as spin_up(...)")
         size = self._size
         state = np.zeros(2 * size) if initial is None else _initial_state(initial, 2 * size)
         if isinstance(maneuver, PrescribedMotion):

@@ -19,18 +19,18 @@ _LAST_DIGIT = 4.0 * float(np.finfo(float).eps)  # of a speed, to which crossings
 
 @dataclass(frozen=True)
 class CriticalSpeed:
-    """A hub speed at which a multiple of it is a natural frequency: an unbalance of this order excites the mode.
+    """Hub speed of which a multiple equals a natural frequency, so that an excitation of this order is in resonance.
 
     Attributes
     ----------
     order : float
-        How many times a turn.
+        Multiple of the hub speed.
     mode : int
         Number of the mode, from 1, in the order of the frequencies.
     hub_speed : float
-        Hub speed at which they meet [rad/s].
+        Critical hub speed [rad/s].
     frequency_hz : float
-        Natural frequency there [Hz].
+        Natural frequency at this speed [Hz].
 
     Examples
     --------

@@ -79,7 +79,7 @@ def hub_beam(
     Parameters
     ----------
     parameters : HubBeamParameters or None
-        The machine; None: Table 1 of Bai et al. (2009) without tip mass.
+        Parameters of beam and hub. If None, Table 1 of Bai et al. (2009) without tip mass.
     model : str
         "foam": terms of the kinetic energy up to second order, axial modes included.  "sfoam": FOAM without axial
         modes, as printed, Eq. (40); "sfoam-consistent": with ``Q_theta``, so that it conserves energy and angular
@@ -87,15 +87,15 @@ def hub_beam(
         "geometrically-exact": a beam of finite rotation, the reference for the other models.
         By default "sfoam".
     modes : int
-        Number of transverse modes and, where the model has them, of axial ones; of a geometrically exact beam, of
-        polynomials. By default 5.
+        Number of transverse modes, and of axial modes if the model has them; for a geometrically exact beam, number
+        of polynomials. By default 5.
     accuracy : float, optional
-        Instead of `model` and `modes`: the first of "sfoam" with 1, 2, 3, 5, 8 modes and "geometrically-exact" with 3, 4, 6,
-        8, 12 polynomials is chosen whose free end moves across the undeformed beam as a converged geometrically exact
-        beam's does in `maneuver`, from rest. The largest error over
-        the motion, solver error included, is at most `accuracy` times the largest displacement. The residual vibration
-        after the maneuver may be far smaller, and its relative error larger. The beam's `selection` lists the tested
-        candidates; ``simulate`` has this accuracy in this maneuver by default.
+        Instead of `model` and `modes`: the first of "sfoam" with 1, 2, 3, 5, 8 modes and "geometrically-exact" with
+        3, 4, 6, 8, 12 polynomials is chosen whose transverse tip displacement in `maneuver`, from rest, agrees with
+        that of a converged geometrically exact beam. The maximum error over the motion, solver error included, is at
+        most `accuracy` times the maximum displacement. The residual vibration after the maneuver may be far smaller,
+        and its relative error larger. The beam's `selection` lists the tested candidates; ``simulate`` has this
+        accuracy in this maneuver by default.
     maneuver : PrescribedMotion or TorqueDriven, optional
         As for ``simulate``; required with `accuracy`.
     timepts : float or array_like, optional
@@ -127,7 +127,7 @@ def hub_beam(
     array([0.385, 3.146, 8.112])
     >>> spin = bc.spin_up(final_speed=2.8, duration=30.0)
     >>> print(bc.hub_beam(accuracy=1e-3, maneuver=spin).selection)
-    3 modes of sfoam: error 3.3e-04 up to 40.7898 s, 0.001 asked for
+    3 modes of sfoam: error 3.3e-04 up to 40.7898 s, 0.001 requested
     """
     p = or_default(HubBeamParameters, "parameters", parameters, changes, signature_of(hub_beam))
     if accuracy is None and maneuver is None and timepts is None:

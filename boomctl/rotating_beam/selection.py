@@ -57,4 +57,4 @@ class ModelChoice:
             if error > self.accuracy:
                 best[model] = min(error, best.get(model, error))
         rejected = ", ".join(f"{model} {error:.1e}" for model, error in best.items() if model != self.model)
-        return f"{result}, {self.accuracy:.3g} asked for{f'; not with {rejected}' if rejected else ''}"
+        return f"{result}, {self.accuracy:.3g} requested{f'; not with {rejected}' if rejected else ''}"

@@ -32,14 +32,14 @@ class BeamSensor:
     name : str
         Name of its signal.
     quantity : str
-        "displacement" [m], across the undeformed beam in the frame of the hub; "slope" [rad] of the beam against it;
+        "displacement" [m], normal to the undeformed beam, relative to the hub; "slope" [rad], relative to the hub;
         "moment" [N m], the bending moment ``EI v''``; "strain", of the surface at ``height`` from the neutral axis;
-        "acceleration" [m/s^2], the absolute one, across the undeformed beam in the frame of the hub.
+        "acceleration" [m/s^2], the component of the absolute acceleration normal to the undeformed beam.
     position : float
         Distance from the clamp along the undeformed beam, m.
     height : float or None
-        Distance of the strain gauge from the neutral axis, m, to the side to which displacements are positive; only for
-        "strain", which is the strain of the axis less ``height`` times the curvature.
+        Distance of the strain gauge from the neutral axis, m, positive on the side of positive displacements.
+        Required for "strain", which is the axial strain of the neutral axis less ``height`` times the curvature.
 
     Raises
     ------

@@ -110,15 +110,16 @@ def simulate_loop(
     delay : float
         Time from a sample until its control acts [s]; need not be a multiple of the sample time.
     control_limit, rate_limit : float or mapping from control to float, optional
-        Largest control, and its largest change per second.
+        Maximum absolute control, and its maximum absolute rate of change [per second].
     end_stop : float or mapping, optional
         Hard, inelastic end stops: a number for the outputs ``stroke_*``, which act through the inputs ``suspension_*``
         of the same suffix, or a mapping from output to a number or to ``(number, input)``.
     quantization : float or mapping from measurement to float, optional
         Resolution of the measurements.
     anti_windup : bool
-        Correct the controller's state by the applied less the commanded control, so that it is proved bounded with each
-        control at its limit alone and with all of them.  If there is no proof, the state is not corrected, with a warning.
+        Correct the controller's state by the difference between applied and commanded control. The gain is such that
+        the state is proved bounded with each control at its limit alone and with all of them. If there is no proof,
+        the state is not corrected, with a warning.
     friction : CoulombFriction, optional
         Dry friction in the plant.
     method : "tustin" or "zoh"
@@ -157,7 +158,7 @@ def simulate_loop(
 
     Examples
     --------
-    A hub that stops at 0.5 rad, with a tip mass of 0.1 kg for which its controller was not designed:
+    A hub turned to 0.5 rad, with a tip mass that the controller was not designed for:
 
     >>> import boomctl as bc
     >>> import control

@@ -171,9 +171,9 @@ def optimal_slew(
     Parameters
     ----------
     system : hub-beam or control.StateSpace
-        A linear system's first input is the torque, its first output the angle; it ends at the rest with ``A x = 0``
-        and that angle. Outputs "tip_displacement" and "root_moment" are identified by name.  Texts and plots use its signal
-        names, with units if these are the names of a hub-beam, "torque" and "hub_angle".
+        The first input of a linear system is the torque, its first output the angle; the slew ends at the equilibrium
+        ``A x = 0`` with that angle. Outputs "tip_displacement" and "root_moment" are identified by name.  Texts and
+        plots use its signal names, with units if these are the names of a hub-beam, "torque" and "hub_angle".
     angle, torque_limit : float
         Slew angle [rad], free if None, and largest absolute torque [N m].
     angle_deg : float, optional
@@ -191,10 +191,10 @@ def optimal_slew(
     tip_masses : tuple of float
         Other payloads [kg] that the same torque brings to rest without vibration; the angle is that of `system`.
     rtol : float, optional
-        Largest relative error of the prescribed end state in the replay; by default 1e-6. Beams with axial modes, such as
-        FOAM, are planned without these modes and replayed with them: by default with 1e-4. For smaller tolerances, switching
-        times are corrected with axial modes; other torques raise an error if they exceed it. Axial motion is not prescribed;
-        the rest of it is in ``terminal_error``.
+        Maximum relative error of the terminal state in the replay; by default 1e-6. Beams with axial modes, such as
+        FOAM, are planned without these modes and replayed with them: by default with 1e-4. For smaller tolerances,
+        switching times are corrected with axial modes; other torques raise an error if they exceed it. The terminal
+        axial motion is not prescribed; ``terminal_error`` contains it.
     intervals : int or None
         Number of intervals of the mesh. If None, it is refined until halving changes the cost by less than 1e-4.
     time_limit : float

@@ -251,7 +251,7 @@ def slew_problem(
         raise ValueError(
             f"duration = {duration!r}: expected none with objective 'time'"
             if objective == "time"
-            else f"duration = None: expected a number of seconds with objective {objective!r}"
+            else f"duration = None: expected a duration [s] with objective {objective!r}"
         )
     masses = tuple(nonnegative("tip_masses", mass) for mass in sequence("tip_masses", tip_masses, "masses in kg"))
     plants = _plants(h, masses)

@@ -102,7 +102,7 @@ class Family:
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
-        """Least and largest value of each parameter."""
+        """Minimum and maximum of each parameter."""
         return {name: (float(a), float(b)) for name, a, b in zip(self.names, self.low, self.high, strict=True)}
 
     def normalize(self, values: Mapping[str, float]) -> Array:

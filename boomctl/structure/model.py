@@ -392,7 +392,7 @@ class SecondOrderModel:
         Raises
         ------
         TypeError, ValueError
-            Frequencies negative or not finite; unknown names.
+            If a frequency is negative or not finite, or a name is unknown.
         """
         from boomctl.lti.python_control import control
 
@@ -476,10 +476,10 @@ def split_symmetric(model: SecondOrderModel) -> tuple[SecondOrderModel, SecondOr
     Signals that come in pairs become ``stem_sym = (right + left)/sqrt 2`` and ``stem_anti = (right - left)/sqrt 2``;
     the transformation is orthonormal, so the singular values of the two subsystems are those of the machine.
 
-    The signals are root of two times the mean, or half the difference, of those of the machine: 150 N of each actuator in
-    opposite directions are 212 N of ``suspension_anti``.  ``.units`` of a subsystem documents this,
-    ``PlatformMotion.symmetric`` and ``.antisymmetric`` are its inputs, and :func:`boomctl.join_symmetric` joins its
-    controllers.
+    A signal of a subsystem is the square root of two times the mean, or half the difference, of the signals of the
+    machine: 150 N of each actuator in opposite directions are 212 N of ``suspension_anti``.  ``.units`` of a
+    subsystem documents this, ``PlatformMotion.symmetric`` and ``.antisymmetric`` are its inputs, and
+    :func:`boomctl.join_symmetric` joins its controllers.
 
     Parameters
     ----------

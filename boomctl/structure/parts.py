@@ -832,7 +832,7 @@ class SpringDamper:
     Raises
     ------
     TypeError, ValueError
-        Not points of two bodies; an unknown direction; a negative stiffness or damping.
+        If the points are not of two bodies, the direction is unknown, or a stiffness or damping is negative.
 
     Examples
     --------

@@ -30,7 +30,7 @@ def _report(path: Path, result: IdentificationResult, response: FrequencyRespons
     """Return modes with intervals, the fit of each output, figures, and the model as a file; ``response``: of a record."""
     modes = Table(("frequency", "damping", "share of energy"), tuple(map(result._row, result.modes)), align="l")
     fits = {name: number(percent, 4) for name, percent in result.fit_percent.items()}
-    caption = "Poles over orders with the modes found; what is not predicted"
+    caption = "Stabilization diagram with the identified modes; spectra of outputs and residuals"
     pictures = [picture("identification", figure_of(result.plot), caption)]
     if response is not None:
         caption = f"Frequency response and coherence, from {response.source}"

@@ -28,7 +28,7 @@ def discretize(
     samples_per_period: float = 4.0,
     prewarp_omega: float | None = None,
 ) -> "control.StateSpace":
-    """Discretize a controller; too low a sampling rate for its poles is an error.
+    """Discretize a controller, and check that the sampling rate is sufficient for its poles.
 
     Parameters
     ----------
@@ -37,10 +37,10 @@ def discretize(
     sample_time : float
         Time between samples [s].
     method : "tustin" or "zoh"
-        Trapezoidal rule (keeps the frequency response, but for a warped axis), or exact for inputs held between samples
-        (delays them by half a sample).
+        Bilinear transformation (frequency response on a warped frequency axis), or zero-order hold (exact for inputs
+        held between samples, with a delay of half a sample).
     samples_per_period : float
-        Least number of samples in ``2 pi/|p|`` for every pole ``p``; not below 2, the limit of Nyquist.
+        Minimum number of samples in ``2 pi/|p|`` for every pole ``p``; at least 2, the Nyquist limit.
     prewarp_omega : float, optional
         Frequency at which "tustin" is exact [rad/s]; by default 0.
 
@@ -52,8 +52,8 @@ def discretize(
     Raises
     ------
     TypeError, ValueError
-        If `controller` is not a continuous-time system, if an entry is not finite, if the method is unknown, or if the
-        sampling rate is too low for a pole, with the rate that it needs.
+        If `controller` is not a continuous-time system, if an entry is not finite, if the method is unknown, or if
+        the sampling rate is too low for a pole; the message contains the required rate.
 
     Examples
     --------

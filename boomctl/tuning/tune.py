@@ -57,9 +57,9 @@ def tune(
 ) -> TuneResult:
     """Tune a controller of a given structure to minimize a norm of the closed loop.
 
-    From many starts the loops are stabilized, then the norm is minimized by descent on its highest peak and by sequential
-    quadratic programming over all peaks near the highest (Apkarian & Noll 2006; Lewis & Overton 2013).  The minimum is
-    local: the best of all starts.  The returned controller is verified independently of the search.
+    From each start the loops are first stabilized. Then the norm is minimized by nonsmooth descent and by sequential
+    quadratic programming over all peaks near the highest one (Apkarian & Noll 2006; Lewis & Overton 2013).  The
+    minimum is local: the best of all starts.  The returned controller is verified independently of the search.
 
     Parameters
     ----------
@@ -75,20 +75,20 @@ def tune(
     channels : sequence of Channel, optional
         `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the whole loop.
     norm : {"hinf", "h2"}
-        Norm to minimize, without ``channels``.
+        Norm to minimize if there are no ``channels``.
     n_starts : int
         Number of starts.  Lower orders of a free state-space part are tuned first.
     seed : int
         Seed of random starts; the result is reproducible if the time limit is not reached.
     fastest_pole : float, optional
-        Largest modulus of the controller poles [rad/s].
+        Maximum magnitude of the controller poles [rad/s].
     max_gain : float, optional
         Largest singular value of the controller's response at any frequency, in the units of the signals.  Some norms have
         their infimum at infinite gain.
     min_damping_ratio : float, optional
-        Least damping ratio of all poles of the loops.
+        Minimum damping ratio of all poles of the loops.
     min_decay_rate : float, optional
-        Least decay rate of all poles of the loops [rad/s].
+        Minimum decay rate of all poles of the loops [rad/s].
     family : AffineFamily or PolynomialFamily, optional
         Structures over a box of parameters.  Tuning starts with the center and the vertices (with more than six uncertain
         parameters, with the center only) and adds the worst points from a search over the box until none is worse.
@@ -113,7 +113,8 @@ def tune(
         parameter is unknown, the start does not match the structure or the signals, or the H2 norm of a channel is infinite
         for every controller of the structure.
     SynthesisError
-        If no controller can stabilize a model, or none of the structure is found that does so within the budgets.
+        If no controller can stabilize a model, or no stabilizing controller of the structure is found within the
+        limits.
 
     Examples
     --------
@@ -121,7 +122,7 @@ def tune(
     >>> import control
     >>> P = control.ss(-1.0, [[1.0, 0.0, 1.0]], [[1.0], [0.0], [1.0]], [[0, 0, 0], [0, 0, 1], [0, 0.1, 0]])
     >>> design = bc.tune(P, 1, 1, bc.tunable.gain(), n_starts=2)
-    >>> best = bc.h_infinity(P, 1, 1)  # of any order; here it can do no more than a gain
+    >>> best = bc.h_infinity(P, 1, 1)  # of any order; here no better than a gain
     >>> round(design.gamma, 4), round(best.certificate.lower_bound, 4)
     (0.7071, 0.7071)
     """

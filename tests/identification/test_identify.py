@@ -183,7 +183,7 @@ def test_errors_that_grow_with_a_measured_response_show_no_modes(chain, errors):
     assert len(found.modes) == len(poles_of(model))
     assert frequencies.max() < 1e-3
     assert dampings.max() < 0.05
-    assert found.uncertainty_source.endswith(f"errors taken for {errors or 'relative'}")
+    assert found.uncertainty_source.endswith(f"errors assumed {errors or 'relative'}")
 
 
 @pytest.mark.parametrize(

@@ -274,14 +274,14 @@ F, Y, GAP = RNG.standard_normal(500), np.sin(T) + 0.1 * RNG.standard_normal(500)
 BAD = r"""
 record(outputs=Y[:-1]) -> outputs: expected 500 samples, as inputs has, got 499
 record(outputs={"y": Y, "z": Y[1:]}) -> outputs: expected 500 samples of 'z', got 499
-record(inputs=np.ones(500)) -> inputs: expected signals that move, got 'in_1' constant at 1
+record(inputs=np.ones(500)) -> inputs: expected signals that vary, got 'in_1' constant at 1
 record(inputs=F * GAP, outputs=Y * GAP) -> expected no gap, but every signal is constant from 4 to 5.98 s
 record(outputs=np.minimum(Y, 0.8)) -> got 'out_1' saturated: .* samples at 0.8
 record(inputs=np.column_stack([F, -2.0 * F])) -> linearly dependent inputs cannot be separated
 record(inputs=F[:20], outputs=Y[:20]) -> expected at least 32 samples, got 20
 record(inputs=np.random.default_rng(1).standard_normal((50, 6)), outputs=Y[:50])
     -> expected records of at least 64 samples for 6 inputs, got 50
-record(inputs=F[None, :]) -> expected a row a sample, got shape \(1, 500\); is it transposed
+record(inputs=F[None, :]) -> expected one row per sample, got shape \(1, 500\); is it transposed
 record(frequency_range_hz=(1.0, 30.0)) -> frequency_range_hz = .*: expected at most 25 Hz
 record(frequency_range_hz=(2.0, 1.0)) -> frequency_range_hz = .*: expected frequencies not below zero that ascend
 record(quantity={"x": "velocity"}) -> unknown output in quantity 'x'

@@ -144,10 +144,10 @@ def robust_stability(
 ) -> RobustStability:
     """Prove that a loop ``u = K y`` is stable over a box of parameters, or find a point at which it is unstable.
 
-    The box is halved until in each cell no pole can touch the imaginary axis.  Cells that resist are proved by smaller cells
-    of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is approximated by
-    a polynomial of the parameters (:mod:`boomctl.analysis.box.sampled`); its error is estimated at random points and
-    multiplied by ten.
+    The box is halved until in each cell no pole can touch the imaginary axis.  The remaining cells are divided into
+    cells of parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  With a discrete controller the loop is
+    approximated by a polynomial of the parameters (:mod:`boomctl.analysis.box.sampled`); its error is estimated at
+    random points and multiplied by ten.
 
     Parameters
     ----------
@@ -158,8 +158,9 @@ def robust_stability(
         controller that follows a parameter of the family (:func:`boomctl.gain_schedule`) is proved at each constant value;
         the proof does not cover a changing value.
     max_cells : int
-        Largest number of cells in a part of the box (most boxes have one part); beyond it, neither stability nor instability
-        is reported.  The number of cells of parameters and frequencies, which are smaller, may be about 150 times as large.
+        Maximum number of cells in a part of the box (most boxes have one part); if it is exceeded, the result is
+        undecided.  The number of cells of parameters and frequencies, which are smaller, may be about 150 times as
+        large.
     delay : float, optional
         Computation delay [s].  Requires a discrete-time controller.
     additive_uncertainty : control.StateSpace, optional

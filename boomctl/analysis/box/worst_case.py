@@ -131,10 +131,11 @@ def worst_case(
 ) -> WorstCase:
     """Compute bounds on the worst-case norm of the loop ``u = K y`` over a parameter box.
 
-    The lower bound is computed by a local search from the midpoint, faces and vertices of the box, and from the midpoints of
-    cells that resist a proof; the upper bound by branch and bound: the box is cut until in each cell no singular value can
-    reach the level.  Cells are boxes of parameters, and at every fifth halving smaller boxes of parameters and frequencies
-    (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust stability over the box.
+    The lower bound is computed by a local search from the midpoint, faces and vertices of the box, and from the
+    midpoints of cells without a proof; the upper bound by branch and bound: the box is cut until in each cell no
+    singular value can reach the level.  Cells are boxes of parameters, and at every fifth halving smaller boxes of
+    parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust stability
+    over the box.
 
     A discrete controller defines sampled loops, as in :func:`boomctl.feedback_loop`: disturbances are held between samples,
     and outputs are taken at the samples.  The loop is then approximated by a polynomial of the parameters

@@ -46,7 +46,7 @@ _OTHER_UNITS = {"abscissa": frozenset({"khz", "rpm", "cpm", "rad"}), "ordinate":
 
 @dataclass(frozen=True)
 class MeasuredFrequencyResponse:
-    """Measured singular values over frequency, and the complex response that they are of, where it is known.
+    """Measured singular values over frequency, with the complex frequency response if available.
 
     Attributes
     ----------
@@ -106,13 +106,14 @@ class MeasuredFrequencyResponse:
 
 
 def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:
-    r"""Read a measured curve or frequency response.
+    r"""Read a measured frequency response or magnitude.
 
-    CSV: the first line names the columns, in a comment or not.  ``freq_hz`` or ``frequency_hz`` [Hz] comes first.
-    Magnitudes: any further names, one column a curve; phases, decibels and coherences raise an error.  Complex
-    frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of which the
-    singular values are taken; ``response`` keeps the phase.  Other lines that begin with ``#`` are comments.  Values are
-    separated by commas; or by semicolons or tabs, and then decimal commas are read as well as decimal points.
+    CSV: the first line contains the names of the columns, as a comment or not.  ``freq_hz`` or ``frequency_hz`` [Hz]
+    comes first. Magnitudes: any further names, one column per curve; phases, decibels and coherences raise an error.
+    Complex frequency response: pairs of columns ``re_OUT_IN, im_OUT_IN`` (``OUT``, ``IN`` whole numbers from 1), of
+    which the singular values are taken; ``response`` keeps the phase.  Other lines that begin with ``#`` are
+    comments.  Values are separated by commas; or by semicolons or tabs, and then decimal commas are read as well as
+    decimal points.
 
     Universal files (``.uff``, ``.unv``, ``.58``): the frequency responses of all data sets 58, one for each entry, in SI
     units.  Signals are named by node and direction, such as ``3+y``.  This needs the package pyuff:
@@ -121,7 +122,7 @@ def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:
     Parameters
     ----------
     path : str or Path
-        The file; its suffix says of which kind it is.
+        File; the suffix determines the format.
 
     Returns
     -------
@@ -131,13 +132,13 @@ def read_frequency_response(path: str | Path) -> MeasuredFrequencyResponse:
     Raises
     ------
     OSError
-        The file cannot be read.
+        If the file cannot be read.
     TypeError, ValueError
-        A column or value is missing, not a number, negative where it cannot be, or frequencies do not ascend; a name is
-        there twice or is none of a magnitude; data sets do not make up a whole matrix at the same frequencies; the message
-        names file and line or data set.
+        If a column or value is missing or invalid, frequencies do not ascend, a name is duplicate or not that of a
+        magnitude, or data sets do not form a complete matrix at the same frequencies; the message contains file and
+        line or data set.
     ImportError
-        A universal file, and pyuff is not installed.
+        If pyuff is not installed and the file is a universal file.
 
     Examples
     --------

@@ -134,7 +134,7 @@ class GeometricallyExactBeam(HubBeam):
         Raises
         ------
         TypeError, ValueError
-            Not finite, or not as many numbers as states.
+            If a value is not finite, or there are not as many values as states.
         """
         return self.dynamics.positions(self._states(states)[:, : self._size])
 

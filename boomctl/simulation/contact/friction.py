@@ -31,12 +31,7 @@ class CoulombFriction:
     slip_output : str
         Name of the slip: the displacement on which this force does work.
     substeps : int
-        Number of computed steps between two requested times; the result's ``error_estimate`` shows whether it is sufficient.
-
-    Attributes
-    ----------
-    _breakaway_force : float
-        Largest sticking force [N].
+        Number of integration steps between two requested times; check the ``error_estimate`` of the result.
 
     Raises
     ------

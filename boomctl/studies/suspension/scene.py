@@ -54,7 +54,7 @@ class FieldScenario:
     Raises
     ------
     TypeError, ValueError
-        A value out of range.
+        If a value is out of range.
 
     Examples
     --------

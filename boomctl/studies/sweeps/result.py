@@ -160,7 +160,7 @@ class SweepResult:
         Raises
         ------
         ValueError
-            No such result or parameter, or no numbers.
+            If there is no such result or parameter, or it is not numeric.
         """
         return import_module("boomctl.plotting.sweep").plot_sweep(self, ax, column=column, against=against, **style)
 

@@ -72,17 +72,17 @@ def sweep(
     Raises
     ------
     TypeError, ValueError
-        No function; no values, or duplicates; unequal numbers of values with "zip"; a checkpoint of another function, or a
-        function or values that cannot be hashed or sent to workers.
+        If `function` is not callable, values are missing or duplicate, their numbers differ with "zip", the
+        checkpoint is of another function, or the function or values cannot be hashed or sent to workers.
     OSError
-        The checkpoint cannot be written.
+        If the checkpoint cannot be written.
     RuntimeError
-        The function failed at every point, or a worker process died.
+        If the function failed at every point, or a worker process died.
 
     Warns
     -----
     SweepWarning
-        The function failed at some points.
+        If the function failed at some points.
 
     Examples
     --------

@@ -123,9 +123,9 @@ def h_infinity(
 ) -> HInfinityResult:
     """Design a controller ``u = K y`` whose closed loop has an H-infinity norm near the lowest possible one.
 
-    The assumptions are checked first. The level is found by bisection; the controller is verified: stable closed loop,
-    norm verified and not above 1.01 times its level. Slow enough poles take precedence over ``rtol``; the certificate
-    reports it.
+    The assumptions are checked first. The level gamma is found by bisection. The controller is verified: the closed
+    loop is stable, and its norm is at most 1.01 times the level. The limit on the controller's poles takes precedence
+    over ``rtol``, which the certificate then reports.
 
     Parameters
     ----------
@@ -139,9 +139,9 @@ def h_infinity(
         Numbers of measurements and controls. If None, they are determined from the labels that `generalized_plant` and
         `mixed_sensitivity` give.
     gamma : float, optional
-        Sufficient level: the norm of the closed loop does not exceed it, and nothing lower is searched for.
+        Target for the norm of the closed loop; a lower norm is not searched for.
     rtol : float, default: 0.01
-        Excess of the norm over the lower bound, relative to it.
+        Relative gap between the norm and the lower bound at which the bisection stops.
     fastest_pole : float, optional
         Largest magnitude of the controller's poles [rad/s]. If None, 1,000 times the band, the fastest pole of the plant
         and of its H2-optimal state feedback and filter; this default is dropped, and reported, if it would cost more than
@@ -164,8 +164,8 @@ def h_infinity(
         If the sampling time of `P` is unspecified or it has a pole at ``z = -1``, if an entry is not finite, or if a
         count or a number is out of range.
     SynthesisError
-        If an assumption fails, with the signal or mode; if ``gamma`` is below the lower bound for all controllers; if no
-        controller passes verification; or if the time is up.
+        If an assumption fails, with the signal or mode; if ``gamma`` is below the lower bound for all controllers; if
+        no controller passes verification; or if the time limit is exceeded.
 
     Warns
     -----

@@ -76,15 +76,15 @@ def kalman(
         noise is white at the samples.
     process_noise : number, vector, matrix or mapping from input name to number
         Intensity of the noise, in discrete time its variance, positive semidefinite: over the inputs named in
-        ``disturbances``; without these, a
-        mapping is over the inputs it names, a number, vector or matrix over the states (noise on ``x'``).  What an
-        input feeds through to a measurement is noise on both, and counted as such.
+        ``disturbances``; without these, a mapping is over the inputs it names, a number, vector or matrix over the
+        states (noise on ``x'``).  Feedthrough from a disturbance to a measurement adds measurement noise that is
+        correlated with the process noise; both are included.
     measurement_noise : number, vector, matrix or mapping from output name to number
         Intensity of the noise on the measurements, positive definite.
     measurements : sequence of str, optional
-        Outputs that are measured; by default all.
+        Measured outputs; by default all.
     disturbances : sequence of str, optional
-        Inputs that are noise; all others are known to the estimator.
+        Inputs that are white noise; the others are known to the estimator.
 
     Returns
     -------

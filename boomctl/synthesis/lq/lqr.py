@@ -107,13 +107,13 @@ def lqr(
         The system ``x' = A x + B u``, signals named.  Of a discrete one, ``x+ = A x + B u``, the sum over the samples is
         minimized.
     Q : number, vector, matrix, mapping from state name to number, or None
-        Weight of the states, positive semidefinite; None weighs none of them.
+        Weight of the states, positive semidefinite; None is zero.
     R : number, vector, matrix or mapping from control name to number
         Weight of the controls, positive definite.
     output_weight : number, vector, matrix or mapping from output name to number, optional
-        ``W``, positive semidefinite; what the controls feed through to an output counts too.
+        ``W``, positive semidefinite; outputs include the feedthrough of the controls.
     controls : sequence of str, optional
-        The inputs that the regulator may use; by default all.
+        Inputs used by the regulator; by default all.
     integral_action : sequence of str, or mapping from output name to number, optional
         Outputs whose integrals become states ``integral.NAME`` behind the others, so that a constant disturbance leaves
         no error in them, and the weights of these integrals (1 where only names are given).  In discrete time sums of

@@ -68,7 +68,7 @@ def objective(
     Raises
     ------
     TypeError, ValueError
-        No names; an unknown norm.
+        If there are no names, or the norm is unknown.
 
     Examples
     --------
@@ -103,7 +103,7 @@ def constraint(
     Raises
     ------
     TypeError, ValueError
-        No names; a limit that is not positive; an unknown norm.
+        If there are no names, the limit is not positive, or the norm is unknown.
 
     Examples
     --------

@@ -170,7 +170,7 @@ def mixed_sensitivity(
     Raises
     ------
     TypeError, ValueError
-        Another kind of system or weight, as for `generalized_plant`; no weight at all.
+        If a system or weight is invalid, as for `generalized_plant`, or no weight is given.
 
     Examples
     --------

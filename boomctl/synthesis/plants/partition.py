@@ -187,7 +187,7 @@ def _order(kind: str, labels: Sequence[str], own: Sequence[str], of_plant: Seque
 
 @one_blas_thread
 def lft(P: "control.StateSpace", controller: "Controller") -> "control.StateSpace":
-    """Close a generalized plant by a controller from its measurements to its controls.
+    """Return the lower linear fractional transformation of a generalized plant and a controller.
 
     The inputs of the controller are the last outputs of ``P`` and its outputs the last inputs: matched by name, or in
     this order if the controller has none of the labels of ``P``.

@@ -25,7 +25,8 @@ def scale_signals(system: "control.StateSpace | SecondOrderModel", scales: Mappi
     system : control.StateSpace or SecondOrderModel
         System with labeled signals, not scaled yet.
     scales : mapping from str to float
-        Scale of each input and output: the amount that counts as one [unit of the signal], 0.05 for a stroke of 50 mm.
+        Scale of each input and output: the value that is scaled to one [unit of the signal], such as 0.05 for a
+        stroke of 50 mm.
 
     Returns
     -------

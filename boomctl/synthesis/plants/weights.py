@@ -21,7 +21,7 @@ def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list
 
 
 def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = _BUTTERWORTH) -> control.StateSpace:
-    """Return a low-pass filter, to be used as a weight: ``gain`` below the corner frequency, rolling off above.
+    """Return a low-pass weighting filter.
 
     Parameters
     ----------
@@ -30,9 +30,9 @@ def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = 
     corner : float
         Corner frequency [rad/s].
     order : 1 or 2
-        Number of poles: the gain falls by 20 or by 40 dB a decade.
+        Number of poles: the roll-off is 20 or 40 dB per decade.
     damping_ratio : float
-        Damping ratio of the two poles of order 2; a small one makes a peak of height ``gain/(2 damping)``.
+        Damping ratio of the poles of order 2; for a small one the peak is ``gain/(2 damping_ratio)``.
 
     Returns
     -------
@@ -42,7 +42,7 @@ def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = 
     Raises
     ------
     TypeError, ValueError
-        Not finite numbers; a corner or a damping that is not above zero; another order.
+        If a number is not finite, the corner or the damping ratio is not positive, or the order is invalid.
 
     Examples
     --------
@@ -79,7 +79,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float =
     Raises
     ------
     TypeError, ValueError
-        Not finite numbers; a corner or a damping that is not above zero; another order.
+        If a number is not finite, the corner or the damping ratio is not positive, or the order is invalid.
 
     Examples
     --------
@@ -132,7 +132,7 @@ def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
 
 
 def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> control.StateSpace:
-    """Return a filter that goes from one gain to another, to be used as a weight: for performance, or for the effort.
+    """Return a weighting filter with given gains at zero and at infinite frequency, like MATLAB's ``makeweight``.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> c
     corner : float
         Frequency at which the gain is the geometric mean of both [rad/s].
     order : 1 or 2
-        Number of poles; two make the way from one gain to the other twice as steep.
+        Number of poles; the transition of order 2 is twice as steep.
 
     Returns
     -------
@@ -151,7 +151,7 @@ def shelf(low_gain: float, high_gain: float, corner: float, order: int = 1) -> c
     Raises
     ------
     TypeError, ValueError
-        Gains or a corner that are not above zero; another order.
+        If a gain or the corner is not positive, or the order is neither 1 nor 2.
 
     Examples
     --------
