@@ -226,9 +226,6 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
     """
     from boomctl.checks import known, whole
     from boomctl.files import json_text, plain, prepared_folder, write_all
-    from boomctl.lab.papers.anthonis_ramon import report as anthonis_ramon
-    from boomctl.lab.papers.bai import report as bai
-    from boomctl.lab.papers.jobs import run_jobs
     from boomctl.progress import computing
     from boomctl.report import bound_reports
 
@@ -237,6 +234,10 @@ def reproduce(asked: Namespace) -> dict[str, Any]:
         raise ValueError("--parameters and --measured are of the boom: leave them out for hub-beam")
     workers = None if asked.workers is None else whole("--workers", asked.workers)
     names = tuple(_PAPERS) if asked.what == "all" else (asked.what,)
+    from boomctl.lab.papers.anthonis_ramon import report as anthonis_ramon
+    from boomctl.lab.papers.bai import report as bai
+    from boomctl.lab.papers.jobs import run_jobs
+
     jobs: dict[str, Any] = {}
     if "boom" in names:
         from boomctl.boom.parameters import BoomParameters
