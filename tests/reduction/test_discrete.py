@@ -30,6 +30,23 @@ def test_pole_on_the_unit_circle_is_kept(pole, method):
 
 
 @examples(30)
+@given(seeds, st.sampled_from(METHODS), st.sampled_from([-1.0, 1.0]))
+def test_error_beside_a_pole_on_the_unit_circle_is_bounded(seed, method, pole):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(3, 13))
+    A = rng.standard_normal((n, n))
+    A *= (1.0 - 10.0 ** rng.uniform(-4, -0.3)) / np.abs(np.linalg.eigvals(A)).max()
+    B, C = rng.standard_normal((n + 1, 2)), rng.standard_normal((2, n + 1))
+    full = control.ss(linalg.block_diag(A, pole), B, C, rng.standard_normal((2, 2)), 0.05)
+    found = reduce(full, int(rng.integers(2, n + 1)), method)
+    angles = np.append(np.linspace(1e-3, 3.14, 1001), np.abs(np.angle(np.linalg.eigvals(A))))
+    worst = gap(full, found.system, np.clip(angles, 1e-3, 3.14) / 0.05).max()
+    assert worst <= found.error_norm * (1.0 + 1e-5) + 1e-9
+    assert found.error_norm <= found.error_bound * (1.0 + 1e-5)
+    assert found.retained_order == 1
+
+
+@examples(30)
 @given(st.integers(0, 10_000))
 def test_hankel_values_are_those_of_the_discrete_gramians(seed):
     rng = np.random.default_rng(seed)

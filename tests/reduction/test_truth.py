@@ -88,6 +88,8 @@ def test_no_error_exceeds_what_was_verified_bounded_or_wanted(seed):
         assert error <= found.error_norm * (1.0 + 1e-12)
         assert error <= found.error_bound * (1.0 + 1e-12)
         assert found.order < len(A) or found.error_norm == 0.0
+        if steps:
+            assert error >= 0.5 * found.error_norm
         norm = found.certificate
         assert norm.lower_bound <= found.error_bound * (1.0 + 1e-3)
         if np.isfinite(norm.peak_omega):
