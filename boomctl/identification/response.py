@@ -194,7 +194,7 @@ def with_intersample(record: Record, top_hz: float) -> Record:
             why = "the phase of the outputs is" if outputs else "the spectrum of the inputs is"
             warn_user(
                 f"intersample = {record.intersample!r}: {why} that of {expected!r}; the wrong one shifts phases by half a"
-                " sample"
+                " sample. Check also quantity"
             )
         return record
     if expected is None and top_hz > _SLOW / record.step:

@@ -61,7 +61,7 @@ def chosen_beam(
     if accuracy is None:
         raise ValueError("accuracy = None: expected a number; accuracy and maneuver go together")
     if maneuver is None:
-        raise ValueError("maneuver = None: accuracy requires a maneuver, such as spin_up(...) or sine_torque(...)")
+        raise ValueError("maneuver = None: expected a maneuver with accuracy, such as spin_up(...)")
     instance(
         "maneuver", maneuver, (PrescribedMotion, TorqueDriven), "a maneuver, such as spin_up(...) or sine_torque(...)"
     )
