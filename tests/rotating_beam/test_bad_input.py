@@ -63,7 +63,7 @@ family(hub_speed=(0.0, 1.0), sensors=[bc.BeamSensor("a", "acceleration", 1.0)]) 
 schedule(family(tip_mass=(0.0, 0.1))) -> unknown parameter that the controller follows 'hub_speed'
 PolynomialFamily.from_function({"p": (-1.0, 1.0)}, cornered) -> K is no polynomial of p
 # models chosen by their accuracy
-hub_beam(accuracy=1e-3) -> maneuver = None: accuracy requires a maneuver, such as
+hub_beam(accuracy=1e-3) -> maneuver = None: expected a maneuver
 hub_beam(maneuver=SPIN_UP) -> accuracy = None: expected a number
 hub_beam(accuracy=1e-3, maneuver=SPIN_UP, model="sfoam") -> model = 'sfoam': expected None with accuracy
 hub_beam(accuracy=1e-8, maneuver=SPIN_UP) -> accuracy = 1e-08: expected 1e-07 to 1
