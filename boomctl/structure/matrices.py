@@ -158,7 +158,7 @@ class Structure:
             if self.has_strains:
                 half = replace(self, layout=layout, weights=weights, outline=outline)
             else:
-                half = replace(self.projected(P, layout.coordinates), outline=outline)
+                half = replace(self.projected(P, layout.coordinates), outline=outline, settled=self.settled)
             result[parity] = P, half
         return result
 

@@ -66,6 +66,25 @@ def test_rigid_motions_of_given_matrices_are_not_counted():
     assert 2.0 * np.pi * soft.eigenfrequencies_hz(2) == pytest.approx([0.5, 1e7])
     held = SecondOrderModel(np.eye(2), np.zeros((2, 2)), [[5e9 + 1e-3, -5e9], [-5e9, 5e9]])
     assert 2.0 * np.pi * held.mode_shapes(1).eigenfrequencies_hz == pytest.approx([np.sqrt(0.5e-3)], rel=1e-2)
+    loose = SecondOrderModel(np.diag([1.0, 4.0]), np.zeros((2, 2)), np.zeros((2, 2)))
+    modes = loose.mode_shapes()
+    assert not modes.eigenfrequencies_hz.any()
+    assert np.abs(modes.shapes) @ np.ones(2) == pytest.approx([1.0, 0.5])
+
+
+@pytest.mark.parametrize("n", [3, 70])
+@pytest.mark.parametrize(
+    ("turn", "squares"),
+    [((2.0, 0.0), [5.0]), ((0.0, 3.0), [1.0, 9.0]), ((2.0, 3.0), [(14 - 160**0.5) / 2, (14 + 160**0.5) / 2])],
+)
+def test_rigid_motions_that_gyroscopic_forces_couple_are_counted(n, turn, squares):
+    """``s^2 (s^4 + (1 + a^2 + b^2) s^2 + b^2)``, beside springs of 100 N/m and more."""
+    (a, b), C = turn, np.zeros((n, n))
+    C[:2, 2], C[2, :2] = (0.0, a), (0.0, -a)
+    C[0, 1], C[1, 0] = b, -b
+    K = np.diag(np.r_[0.0, 0.0, 1.0, np.arange(n - 3) + 100.0])
+    found = SecondOrderModel(np.eye(n), C, K).eigenfrequencies_hz(len(squares))
+    assert (2.0 * np.pi * found) ** 2 == pytest.approx(squares, rel=1e-9)
 
 
 @pytest.mark.parametrize("dampers", [(0.0, 0.0, 0.0), (1.0, 2.0, 0.0)])

@@ -38,6 +38,15 @@ def test_half_signals_are_orthonormal_sums_and_differences(discretization):
                 assert np.abs(half - sum(blocks)).max() < 1e-11 * np.abs(Y).max()
 
 
+@pytest.mark.parametrize(
+    "model", [bc.spray_boom(), bc.boom_family(spring_factor=(0.7, 1.3), elements=20).at([1.0, 0.0])]
+)
+def test_halves_keep_the_coordinates_of_their_state_space(model):
+    settled = SecondOrderModel.of(replace(model.structure, settled=True), model.ports)
+    for half in split_symmetric(settled):
+        assert np.array_equal(half.to_statespace().A, half.to_statespace(states="coordinates").A)
+
+
 def test_the_signals_that_stand_on_the_axis_belong_to_the_jolt():
     jolt, yaw = split_symmetric(bc.spray_boom())
     assert jolt.input_labels == ("actuator_sym", "suspension_sym", "cradle")

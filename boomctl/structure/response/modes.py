@@ -45,7 +45,7 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
     if not (M.diagonal() > 0.0).all():
         raise ValueError("undamped modes need a positive definite M")
     noise = _NOISE / EPS * structure.noise
-    stiffness, shapes = _near(structure, noise, count)
+    stiffness, shapes = _near(structure, noise if K.any() else 1.0, count)
     elastic = stiffness[stiffness > 0.1 * noise]
     if len(elastic) and (len(elastic) < len(stiffness) or stiffness[-1] > _SPREAD * elastic[0]):
         stiffness, shapes = _near(structure, float(elastic[0]), count)

@@ -54,7 +54,7 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL, lea
     form, moving, modes = None, structure, None
     if structure.graded or structure.n <= max(2 * count + 20, _WHOLE):
         form = structure.strain_form
-    if form is None and structure.n > 2 * count + 20:
+    if form is None and structure.n > 2 * count + 20 and is_symmetric(structure.C):
         try:  # Modes and static responses to dampers are a basis for the lowest poles.
             frequencies, V = undamped_modes(structure, 2 * count + _SPARE)
             modes = with_statics(structure, frequencies, V, damper_forces(structure, V))
@@ -68,7 +68,7 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL, lea
     else:
         poles = first_order_poles(*moving.matrices)
         if (np.abs(poles) ** 2 <= GRADED * structure.noise).any():
-            poles = first_order_poles(*_without_rigid_motions(structure, modes).matrices)
+            poles = _poles_off_zero(structure, modes)
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
     if len(upper) < (count if least is None else least):
         raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
@@ -79,14 +79,23 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL, lea
     return lowest
 
 
-def _without_rigid_motions(structure: Structure, modes: tuple[Array, Array] | None) -> Structure:
-    """Return the structure in modes, by default all, without undamped rigid motions: rounding moves their poles off zero."""
+def _poles_off_zero(structure: Structure, modes: tuple[Array, Array] | None) -> Array:
+    """Return the poles in modes, by default all, without those of rigid motions at zero, which rounding moves.
+
+    Rigid motions that no damper resists and no gyroscopic force couples to others are omitted.  The others have one pole at
+    zero each, or two if no force acts between rigid motions.
+    """
     try:
         frequencies, V = modes or undamped_modes(structure)
     except ValueError:  # Matrices without real modes.
-        return structure
-    damping, terms = (np.einsum("ij,ij->j", v, C @ v) for v, C in ((V, structure.C), (np.abs(V), np.abs(structure.C))))
-    return structure.projected(V[:, (frequencies > 0.0) | (damping > ROOT * terms)])
+        return first_order_poles(*structure.matrices)
+    C, terms = V.T @ structure.C @ V, np.abs(V).T @ np.abs(structure.C) @ np.abs(V)
+    turned = (np.abs(C - C.T) > ROOT * terms.max()).any(axis=0)
+    kept = (frequencies > 0.0) | (C.diagonal() > ROOT * terms.diagonal()) | turned
+    rigid = kept & (frequencies == 0.0)
+    zeros = 2 * rigid.sum() - np.linalg.matrix_rank(C[np.ix_(rigid, rigid)], ROOT * terms.max()) if rigid.any() else 0
+    poles = first_order_poles(*structure.projected(V[:, kept]).matrices)
+    return poles[np.argsort(np.abs(poles))[zeros:]]
 
 
 def with_statics(
@@ -140,11 +149,8 @@ def _orthonormal(M: Array, block: Array, against: Array) -> Array:
 
 def damper_forces(structure: Structure, shapes: Array) -> Array:
     """Return forces of the dampers that are not in proportion to stiffness, as columns, for motions."""
-    R, excess = (
-        structure.layout.R,
-        structure.weights.uneven_damping()[1],
-    )  # Through strains, whose differences are accurate.
-    loaded = R.T @ weigh(excess, R @ shapes)
+    R, (_, excess) = structure.layout.R, structure.weights.uneven_damping()
+    loaded = R.T @ weigh(excess, R @ shapes)  # Through strains, whose differences are accurate.
     left, size, _ = linalg.svd(loaded, full_matrices=False)
     least = max(1e-9 * size.max(initial=1e-300), SUMMED * float(np.linalg.norm(structure.C @ shapes)))
     return left[:, size > least]
