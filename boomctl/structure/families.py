@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -76,6 +76,10 @@ class Family:
                 whole("factor", factor, 0, count - 1)
         for name in sequence("ignorable_coordinates", self.ignorable_coordinates, "str"):
             known("coordinate", name, self.nominal.coordinates)
+
+    def __getstate__(self) -> dict[str, object]:
+        """Pickle the fields without cached results."""
+        return {item.name: getattr(self, item.name) for item in fields(self)}
 
     def __repr__(self) -> str:
         box = (

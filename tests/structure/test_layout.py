@@ -81,6 +81,10 @@ def test_pickled_models_carry_what_they_are_made_of_alone():
     assert len(pickle.dumps(model)) < 1.01 * len(before)
     copy = pickle.loads(before)
     assert np.array_equal(bc.sigma(copy, OMEGA[::50]).sigma, bc.sigma(model, OMEGA[::50]).sigma)
+    family = bc.boom_family(spring_factor=(0.7, 1.3), elements=40)
+    entries = sum(X.size for _, slope in family.coefficients for X in (slope.M, slope.C, slope.K))
+    assert len(pickle.dumps(family)) < 1.5 * 8 * (entries + sum(X.size for X in family.nominal.structure.matrices))
+    assert np.array_equal(pickle.loads(pickle.dumps(family)).at([0.3, 1.0]).K, family.at([0.3, 1.0]).K)
 
 
 @example(46)  # a link that only rounding strains, a coordinate that rounding alone holds
