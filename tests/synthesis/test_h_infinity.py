@@ -136,6 +136,21 @@ def test_norm_follows_units_and_order_of_signals_and_time(seed, exponent, share,
     assert_allclose(changed.gamma, size * plain.gamma, rtol=1e-2)
 
 
+def test_norm_has_a_limit_as_the_noise_vanishes():
+    """Without noise on the measurements the entries of a Riccati equation differ by as many digits as its solution."""
+    A, B1, B2 = (
+        np.diag([0.0, -1.0, -2.0, -3.0]),
+        [[1, 2], [-2, -2], [0, -2], [0, -2]],
+        [[-1, -2], [-2, 1], [-2, 2], [-3, 0]],
+    )
+    C = [[0, 0, 0, 3], [-1, 1, -3, 3], [0, 0, 0, 0], [0, 0, 0, 0], [-2, 1, 0, -2], [-3, 0, 3, 2]]
+    B, effort, noise = np.hstack([B1, np.zeros((4, 2)), B2]), np.zeros((6, 6)), np.zeros((6, 6))
+    effort[2:4, 4:], noise[4:, 2:4] = np.eye(2), np.eye(2)
+    loud, quiet = (bc.h_infinity(control.ss(A, B, C, effort + size * noise), 2, 2) for size in (1e-5, 1e-7))
+    assert quiet.gamma == pytest.approx(loud.gamma, rel=1e-4)
+    assert quiet.certificate.lower_bound == pytest.approx(loud.certificate.lower_bound, rel=1e-5)
+
+
 @pytest.mark.parametrize("measured", [("stroke_anti",), ("tip_anti",), ("tip_anti", "stroke_anti")])
 def test_cheap_control_of_the_lightly_damped_boom(measured):
     """The passive norm is 2473; at the yaw resonance no controller goes below 8.145; with both signals that is reached.

@@ -220,12 +220,14 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
 
 def schur_solution(A: Array, G: Array, Q: Array) -> Array | None:
     """Return the stabilizing solution of ``A^T X + X A - X G X + Q = 0`` by Schur vectors; None if that fails."""
-    if not (np.isfinite(G).all() and np.isfinite(Q).all()):
+    if not all(np.isfinite(part).all() for part in (A, G, Q)):
         return None
     if not len(A):
         return Q
+    sizes = np.sqrt([np.linalg.norm(G), np.linalg.norm(Q)])
+    scale = float(sizes[1] / sizes[0]) if sizes.all() else 1.0  # SLICOT scales only Q that is larger than G
     try:
-        X = slycot.sb02md(len(A), A, G, Q, "C", scal="G" if Q.any() and G.any() else "N")[0]
+        X = scale * slycot.sb02md(len(A), A, G * scale, Q / scale, "C")[0]
     except SlycotError:
         return None
     return X if np.isfinite(X).all() else None
