@@ -122,6 +122,23 @@ def test_recovery_comes_nearer_with_every_step():
         assert gap * (1.0 - 1e-6) <= error <= 1.001 * gap  # the peak between the frequencies, too
 
 
+def test_recovery_error_of_two_controls_by_its_definition():
+    """Computed conjugate zeros of the regulator's loop differ by rounding, close to the peak."""
+    A = np.array([[-1.0, 2.0, 0.0, 0.0], [-4.0, 0.9, -1.0, 1.0], [-1.0, -1.0, 0.0, 2.0], [1.0, 1.0, -24.0, 0.9]])
+    B, C = (
+        np.array([[0.0, 0.0], [1.0, 1.0], [0.0, 0.0], [1.0, -1.0]]),
+        np.array([[0.0, 0.0, 2.0, 0.0], [0.0, 0.0, -2.0, 0.0]]),
+    )
+    options = {"noise_intensities": [1.0, 1e4], "omega_range": (0.05, 100.0)}
+    found = bc.synthesis.loop_transfer_recovery(control.ss(A, B, C, 0.0), 1.0, 0.1, 0.1 * np.eye(4), 0.01, **options)
+    s = 1j * np.geomspace(0.05, 100.0, 4000)
+    states = control.ss(A, B, np.eye(4), 0.0)(s).transpose(2, 0, 1)
+    for design, error in zip(found.designs, found.recovery_errors, strict=True):
+        wanted, loop = design.regulator_gain @ states, -design.controller(s).transpose(2, 0, 1) @ C @ states
+        gap = np.linalg.norm((loop - wanted) @ np.linalg.inv(wanted), 2, axis=(1, 2)).max()
+        assert gap * (1.0 - 1e-8) <= error <= gap * (1.0 + 1e-4)
+
+
 def test_recovery_incomplete_with_rhp_zero():
     system = control.ss([[0, 1], [-1, -0.2]], [[0], [1]], [[1.0, -0.5]], 0, inputs="u", outputs="y")  # zero at 2
     found = bc.synthesis.loop_transfer_recovery(
