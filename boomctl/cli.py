@@ -1,7 +1,7 @@
 """The command line: ``boomctl sigma``, ``design``, ``reproduce``, ``identify``, ``benchmark`` and others; ``boomctl --help``.
 
-A command imports only what it uses: ``boomctl parameters`` does not import numpy.  Exit codes: 0 done; 1 could not be done;
-2 bad use or bad input.
+A command imports only what it uses: ``boomctl parameters`` does not import numpy.  Exit codes: 0 success, 1 failure,
+2 invalid usage or input.
 """
 
 import os
@@ -26,8 +26,8 @@ _PAPERS = {
     "hub-beam": "Bai et al. (2009): the rotating hub-beam",
 }
 _CODES = """
-Exit codes: 0 done; 1 could not be done; 2 bad use or bad input. What went wrong is one line on standard error. Progress and
-colors are shown on terminals only; NO_COLOR turns colors off."""
+Exit codes: 0 success, 1 failure, 2 invalid usage or input. An error is one line on standard error. Progress and colors are
+shown on terminals only; NO_COLOR turns colors off."""
 
 
 class _Parser(ArgumentParser):
@@ -145,7 +145,7 @@ def sigma(asked: Namespace) -> dict[str, Any]:
         raise ValueError(f"--out {asked.out}: expected a file, got a folder")
     exact, elements = asked.discretization == "exact", 6 if asked.elements is None else asked.elements
     if exact and asked.elements is not None:
-        raise ValueError(f"--elements {asked.elements}: leave it out; expected none for --discretization exact")
+        raise ValueError(f"--elements {asked.elements}: leave it out with --discretization exact")
     from boomctl.analysis.sigma import sigma as singular_values
     from boomctl.boom.factory import spray_boom
     from boomctl.boom.model import ACTUATORS, TIPS
@@ -187,9 +187,10 @@ def _save_sigma(result: Any, label: str, curve: Any, out: Path) -> None:
 
 
 def design(asked: Namespace) -> Any:
-    """Run a design and report it: a suspension, a slew or a machine of your own.
+    """Run a design of a suspension, a slew or another machine, and write a report.
 
-    NAME is a design of boomctl, or a Python file with a function design().
+    NAME is a design of boomctl, or a Python file with a function design() that returns a SuspensionDesign, a MachineDesign
+    or a SlewDesign.
     """
     from boomctl.studies.catalogue import design_path, load_design
 
@@ -276,9 +277,9 @@ def _print_paper(name: str, results: dict[str, Any]) -> None:
 
 
 def identify(asked: Namespace) -> Any:
-    """Find the modes of a machine in a record of it, with intervals, and a model; report them.
+    """Identify modes with confidence intervals and a model from a record, and write a report.
 
-    The file is a record, CSV with a line of names or .mat with vectors, or a measured frequency response, CSV or UFF.
+    The file is a record, CSV with a header line or .mat with vectors, or a measured frequency response, CSV or UFF.
     """
     from boomctl.files import prepared_folder
     from boomctl.studies.measurement import identified_file
@@ -294,7 +295,7 @@ def identify(asked: Namespace) -> Any:
 def benchmark(asked: Namespace) -> dict[str, Any]:
     """Measure run time and error, compared with other programs.
 
-    NAME is a scene ("boom-sigma") or the first word of several ("boom"); all scenes by default.
+    NAME is a scene ("boom-sigma") or the first word of several ("boom").
     """
     from boomctl.files import prepared_folder
     from boomctl.lab.benchmark.report import run
@@ -310,7 +311,7 @@ def benchmark(asked: Namespace) -> dict[str, Any]:
 
 
 def parameters(asked: Namespace) -> dict[str, Any]:
-    """Print the boom's parameters as an annotated TOML file, to be changed and passed to --parameters."""
+    """Print the boom's parameters as an annotated TOML file; edit it and pass it to --parameters."""
     text = (Path(__file__).parent / "boom" / "table_2.toml").read_text(encoding="utf-8")
     print(text, end="")
     if not asked.json:
@@ -364,7 +365,7 @@ def _flag(help_text: str) -> dict[str, Any]:
 
 _COMMON = {
     "--json": _flag("print the results as JSON on standard output"),
-    "--quiet": _flag("print only the output of --json, and show no progress"),
+    "--quiet": _flag("print only the JSON and show no progress"),
 }
 _COMMANDS = {
     command.__name__: command for command in (sigma, design, reproduce, identify, benchmark, parameters, notebooks)
@@ -372,10 +373,10 @@ _COMMANDS = {
 _OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
     "sigma": {
         "--discretization": _option(f"{', '.join(_DISCRETIZATIONS)} (default: %(default)s)", default="finite"),
-        "--elements": _option("number of elements, but of exact (default: 6)", type=int),
+        "--elements": _option("number of elements, not for exact (default: 6)", type=int),
         "--parameters": _file("TOML file with boom parameters"),
         "--measured": _file("CSV file with a measured curve"),
-        "--out": _file("picture to write, .png or .svg"),
+        "--out": _file("image file to write, .png or .svg"),
     },
     "design": {
         "name": _option("name of a design, or a Python file", metavar="NAME"),
@@ -393,19 +394,23 @@ _OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
     },
     "identify": {
         "record": _option("the file: .csv, .mat, .uff or .unv", type=Path),
-        "--inputs": _option("columns that drive the machine, between commas", type=_names, default=[]),
-        "--outputs": _option("columns of its response (default: all others but the time)", type=_names, default=[]),
-        "--sample-time": _option("time between samples, s (default: from the column named time)", type=float),
+        "--inputs": _option("input columns, separated by commas", type=_names, default=[]),
+        "--outputs": _option(
+            "output columns, separated by commas (default: all others except time)", type=_names, default=[]
+        ),
+        "--sample-time": _option("sample time, s (default: from the column named time)", type=float),
         "--band": _option(
-            "frequencies of the modes, Hz (default: where all inputs have power)",
+            "frequency range of the modes, Hz (default: where all inputs have power)",
             dest="frequency_range_hz",
             type=float,
-            nargs=2,
+            nargs=2,  # lower and upper limit
             metavar=("LOW", "HIGH"),
         ),
-        "--modes": _option("number of modes (default: all that have evidence)", type=int),
+        "--modes": _option("number of modes (default: all that the data determine)", type=int),
         "--quantity": _option("of the outputs: displacement (default), velocity or acceleration"),
-        "--intersample": _option("of the inputs: bl (band-limited) or zoh (hold) (default: from the record)"),
+        "--intersample": _option(
+            "of the inputs: bl (band-limited) or zoh (zero-order hold) (default: from the record)"
+        ),
         "--out": _folder("identified"),
     },
     "benchmark": {
@@ -416,7 +421,7 @@ _OPTIONS: dict[str, dict[str, dict[str, Any]]] = {
     "parameters": {},
     "notebooks": {
         "--out": _folder("notebooks", "the copies"),
-        "--force": _flag("write over files of the same names"),
+        "--force": _flag("overwrite files of the same names"),
     },
 }
 

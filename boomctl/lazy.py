@@ -30,30 +30,33 @@ TRANSLATED = {
         "h2": "h2syn",
         "h2_norm": "norm2",
         "h_infinity": "hinfsyn mixsyn",
-        "hinf_norm": "linfnorm getPeakGain system_norm norm",
+        "hinf_norm": "linfnorm hinfnorm getPeakGain system_norm norm",
         "identify": "n4sid ssest tfest modalfit era",
         "impulse": "impulse_response impulseplot",
         "kalman": "lqe",
-        "margins": "margin allmargin diskmargin stability_margins",
+        "lqg": "lqgreg",
+        "lqr": "dlqr lqi",
+        "margins": "margin allmargin diskmargin disk_margins stability_margins",
         "mode_table": "damp pole poles",
         "nyquist": "nyquist_plot nyquist_response",
         "pzmap": "pole_zero_map pole_zero_plot iopzmap",
         "reduce": "balred modred balreal hankelmr",
-        "robust_stability": "robstab",
+        "robust_stability": "robstab robuststab",
         "sigma": "singular_values_response sigmaplot",
         "step": "step_response stepplot step_info",
         "tune": "systune hinfstruct looptune",
         "with_state_outputs": "augstate",
-        "worst_case": "wcgain",
+        "worst_case": "wcgain wcnorm",
     }.items()
     for word in words.split()
 }
 """Words of MATLAB and of python-control for what a public name of the top does."""
 
 _THEIRS = """
-acker append ctrb dcgain evalfr freqresp minreal obsv parallel place rlocus root_locus series ss ss2tf tf tf2ss zeros
+acker append bandwidth care ctrb dare dcgain evalfr freqresp frequency_response gram hsvd initial_response minreal obsv pade
+parallel place rlocus root_locus series ss ss2tf tf tf2ss zeros
 """
-"""Functions of python-control that have no like here."""
+"""Functions of python-control without a counterpart in boomctl."""
 
 
 class _Package(ModuleType):
@@ -85,12 +88,12 @@ def loader(package: str) -> tuple[list[str], Callable[[str], Any], Callable[[], 
         if name not in home:
             known = TRANSLATED.get(name) if package == "boomctl" else None
             if known is not None:
-                hint = f"here it is boomctl.{known}"
+                hint = f"use boomctl.{known}"
             elif package == "boomctl" and name in _THEIRS.split():
-                hint = f"python-control has it, control.{name}, and takes .to_statespace() of a structure"
+                hint = f"use control.{name}, with .to_statespace() of a structure"
             else:
                 near = get_close_matches(name, home, n=1, cutoff=0.6)
-                hint = (f"did you mean {near[0]!r}? " if near else "") + f"help({package}) lists what there is"
+                hint = (f"did you mean {near[0]!r}? " if near else "") + f"help({package}) lists the names"
             raise AttributeError(f"module {package!r} has no attribute {name!r}; {hint}", name=name, obj=module)
         if not home[name]:
             return import_module(f"{package}.{name}")  # which becomes an attribute of the package by that

@@ -160,7 +160,7 @@ def test_unwritable_output_folder_fails_early(tmp_path):
 def test_help_says_what_the_exit_codes_mean():
     shown = boomctl("--help")
     assert shown.returncode == 0
-    assert "Exit codes: 0 done; 1 could not be done" in shown.stdout
+    assert "Exit codes: 0 success, 1 failure" in shown.stdout
     listed = "".join(boomctl("design", "--help").stdout.split()).replace("│", "")
     assert all(name in listed for name in bc.studies.design_names())
 

@@ -53,11 +53,11 @@ def test_jedi_completes_public_names():
 @pytest.mark.parametrize(
     ("package", "name", "hint"),
     [
-        ("boomctl", "sgima", r"did you mean 'sigma'\? help\(boomctl\) lists what there is"),
+        ("boomctl", "sgima", r"did you mean 'sigma'\? help\(boomctl\) lists the names"),
         ("boomctl.structure", "SecondOrdrModel", "'SecondOrderModel'"),
-        ("boomctl", "c2d", "here it is boomctl.discretize"),
-        ("boomctl", "dcgain", r"python-control has it, control\.dcgain, and takes \.to_statespace\(\)"),
-        ("boomctl", "qqqq", r"help\(boomctl\) lists what there is"),
+        ("boomctl", "c2d", "use boomctl.discretize"),
+        ("boomctl", "dcgain", r"use control\.dcgain, with \.to_statespace\(\)"),
+        ("boomctl", "qqqq", r"help\(boomctl\) lists the names"),
     ],
 )
 def test_an_unknown_name_is_told_the_nearest(package, name, hint):

@@ -183,6 +183,12 @@ def signals_of(
                 f"plant: the controller reads its state {label!r}, which is no output; "
                 "boomctl.with_state_outputs(plant) has it"
             )
+        if label not in outputs and label.removeprefix("error_") in outputs:
+            names = [name.removeprefix("error_") for name in read]
+            raise ValueError(
+                f"controller: its input {label!r} is a control error, as in mixed_sensitivity; with this plant, use "
+                f"control.ss(-K, inputs={names}, outputs={list(driven)})"
+            )
         known("plant output (it is an input of the controller)", label, outputs)
     for label in driven:
         known("plant input (it is an output of the controller)", label, inputs)

@@ -71,7 +71,7 @@ def write_controller(
     """Write a controller ``u = K y`` to a file; the suffix determines the format.
 
     =========  ==========================================================================================================
-    ``.json``  matrices, time step, names, units, certificate, provenance; numbers to the last bit
+    ``.json``  matrices, sample time, names, units, certificate, provenance; numbers are exact
     ``.mat``   the same matrices for MATLAB and Octave, and ``NAME.m``, a function that returns ``ss`` with names
     ``.c``     C99: ``NAME.c`` and ``NAME.h``, a step function for each sample, with limits and anti-windup as
                :func:`boomctl.simulate_loop` has them, in double or (``-DNAME_SINGLE``) single precision, no memory

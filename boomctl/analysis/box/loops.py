@@ -262,13 +262,19 @@ def _closed(
     through = np.array([[float(name == control) for control in controls] for name in wanted])
     through += pick @ ports.E[0][np.ix_(rows, acting)]
     z = sum_of({q: pick @ line[0] for q, line in lines.items()}, product_of({(): through}, sent))
+    if any((X.B[2] @ forced).any() for X in (ports, *(change for _, change in family.coefficients))):
+        raise ValueError(
+            "the equations of motion contain the acceleration of a displacement input: attach the bodies to GROUND, so "
+            "that their coordinates are absolute"
+        )
     unfit = [
-        *(X.B[2] @ forced for X in (ports, *(change for _, change in family.coefficients))),
         *(X for line in lines.values() for X in (line[2], line[1, :, size:], pick @ line[1])),
         *(ports.E[0 if ports.bandwidths[o] else 1 :, o, acting] for o in evaluated),
     ]
     if any(X.any() for X in unfit):
-        raise ValueError("`outputs` must be positions, or accelerations behind a filter; measured ones may be speeds.")
+        raise ValueError(
+            "`outputs` must be positions, or accelerations with a filter (measurements may also be speeds)."
+        )
     if any((through @ X).any() for X in late.values()):
         raise ValueError("`controller` must send no speed on at once if its controls are among `outputs`.")
     if any(X.any() for q, X in z.items() if q):

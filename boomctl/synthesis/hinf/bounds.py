@@ -94,14 +94,14 @@ class Level:
 def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     """Solve the two Riccati equations at a level; ``inf`` gives those of H2."""
     solutions = []
-    for plant, name, case in ((ready, "X", "with all states measured"), (ready.dual, "Y", "with all states actuated")):
+    for plant, name, case in ((ready, "X", "state-feedback"), (ready.dual, "Y", "filter")):
         solution = schur_solution(*_riccati_equation(plant, gamma))
         if solution is None:
-            return Level(gamma, f"{case}, no controller reaches it (no stabilizing {name})")
+            return Level(gamma, f"the {case} Riccati equation has no stabilizing solution {name}")
         solution = even(solution)
         values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
         if values[0] < -_INDEFINITE_RTOL * max(np.abs(values[[0, -1]]).max(), TINY):
-            reason = f"{case}, no controller reaches it ({name} is indefinite)"
+            reason = f"the solution {name} of the {case} Riccati equation is not positive semidefinite"
             return Level(gamma, reason, lower_bound=gamma if np.isfinite(gamma) else 0.0)
         solutions.append(solution)
     X, Y = solutions
@@ -241,7 +241,7 @@ def lowest_level(
     """
     relaxed = level_of(ready, np.inf)
     if relaxed.reason:
-        raise SynthesisError(f"The Riccati equations of H2 synthesis could not be solved: {relaxed.reason}.")
+        raise SynthesisError(f"No suboptimal controller was found at gamma = inf (H2 synthesis): {relaxed.reason}.")
     F, L = (_gain(plant, np.inf, X)[plant.nw :] for plant, X in ((ready, relaxed.X), (ready.dual, relaxed.Y)))
     frequency, omega = frequency_bound(ready, F, L.T)
     poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F, ready.A + L.T @ ready.C2))

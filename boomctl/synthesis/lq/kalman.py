@@ -72,7 +72,7 @@ def kalman(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        The system, signals named.  Of a discrete one the estimate at a sample is that of the measurements before it, and
+        System with named signals.  In discrete time the estimate at a sample uses the measurements before it, and the
         noise is white at the samples.
     process_noise : number, vector, matrix or mapping from input name to number
         Intensity of the noise, in discrete time its variance, positive semidefinite: over the inputs named in

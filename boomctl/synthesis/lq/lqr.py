@@ -104,8 +104,8 @@ def lqr(
     Parameters
     ----------
     system : control.StateSpace or SecondOrderModel
-        The system ``x' = A x + B u``, signals named.  Of a discrete one, ``x+ = A x + B u``, the sum over the samples is
-        minimized.
+        The system ``x' = A x + B u``, with named signals.  For a discrete-time system, ``x+ = A x + B u``, the sum over the
+        samples is minimized.
     Q : number, vector, matrix, mapping from state name to number, or None
         Weight of the states, positive semidefinite; None is zero.
     R : number, vector, matrix or mapping from control name to number
@@ -115,8 +115,8 @@ def lqr(
     controls : sequence of str, optional
         Inputs used by the regulator; by default all.
     integral_action : sequence of str, or mapping from output name to number, optional
-        Outputs whose integrals become states ``integral.NAME`` behind the others, so that a constant disturbance leaves
-        no error in them, and the weights of these integrals (1 where only names are given).  In discrete time sums of
+        Outputs whose integrals are appended as states ``integral.NAME``, so that a constant disturbance leaves
+        no error in them, and the weights of these integrals (1 if only names are given).  In discrete time, sums of
         the outputs times the sampling time.
     N : (n, m) array_like, optional
         Cross weight of the states (the integrals not included) and the controls.

@@ -149,9 +149,10 @@ def mixed_sensitivity(
     W2: Weight | None = None,
     W3: Weight | None = None,
 ) -> control.StateSpace:
-    """Build the generalized plant of mixed sensitivity: weighted control errors, controls and outputs.
+    """Build the generalized plant for mixed-sensitivity synthesis: weighted control errors, controls and outputs.
 
-    The controller reads the control errors ``e = r - y``.  The closed loop is ``[W1 S; W2 K S; W3 T]``, with
+    The controller reads the control errors ``e = r - y``; ``control.ss(-K, inputs=outputs of the plant, outputs=controls)``
+    reads the outputs, as functions that connect it to the plant require.  The closed loop is ``[W1 S; W2 K S; W3 T]``, with
     ``S = (I + G K)^-1`` and ``T = G K S``.
 
     Parameters
@@ -159,7 +160,7 @@ def mixed_sensitivity(
     plant : control.StateSpace, SecondOrderModel or ReductionResult
         As for `generalized_plant`; all inputs are controls, all outputs are controlled.
     W1, W2, W3 : float, control.StateSpace or control.TransferFunction, optional
-        Weights of errors, controls and outputs, for every signal of a kind. If None, these are omitted.
+        Weights of all errors, controls and outputs. If None, these are omitted.
 
     Returns
     -------

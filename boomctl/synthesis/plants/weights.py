@@ -58,7 +58,7 @@ def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = 
 
 
 def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = _BUTTERWORTH) -> control.StateSpace:
-    """Return a high-pass filter, to be used as a weight: ``gain`` above the corner frequency, zero at zero frequency.
+    """Return a high-pass weight: ``gain`` above the corner frequency, zero at zero frequency.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float =
 
 
 def band_pass(gain: float, low: float, high: float) -> control.StateSpace:
-    """Return a second-order filter between two corner frequencies, to be used as a weight.
+    """Return a second-order band-pass weight between two corner frequencies.
 
     It can represent, for instance, the platform's motion on a track.
 
