@@ -155,9 +155,10 @@ def fit(
     ``uncertainty_source`` names the origin of the covariance: for several data sets their differences, so that the
     intervals hold for the value in another data set; for a response the residuals with their correlation over frequency.
     For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are assumed independent
-    and normal with standard deviations in the ratio of the inverse weights.  An error of the model that all data sets have
-    in common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
-    identifiable have an infinite interval and are listed in ``unidentifiable``.
+    and normal.  Without data sets, their standard deviations are assumed in the ratio of the inverse weights: relative errors
+    that are fitted as absolute, for example, get intervals that are too narrow.  An error of the model that all data sets
+    have in common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are
+    not identifiable have an infinite interval and are listed in ``unidentifiable``.
 
     Examples
     --------

@@ -1,10 +1,12 @@
 """Covariance of parameters from residuals that are correlated over frequency, or from data sets; and limits of intervals.
 
 Errors of neighboring frequencies, and errors of the model, are correlated: the covariance of the linearized model is that of
-errors with the correlation of the residuals.  For several data sets, such as days, the scatter of the parameters of the data
-sets is used.
+errors whose covariance over frequency is estimated from the residuals, free of the bias by the fit, with a window that is
+flat at small lags.  Each variance has its own dof.  For several data sets, such as days, the scatter of the parameters of
+the data sets is used.
 
-Source: Newey & West (1987), Econometrica 55 (correlated residuals).
+Sources: Worsley et al. (2002), NeuroImage 15 (bias by the fit); Politis & Romano (1995), J. Time Ser. Anal. 16 (window);
+Satterthwaite (1946), Biometrics 2 (dof).
 """
 
 from dataclasses import dataclass
@@ -18,10 +20,8 @@ from boomctl.identification.identifiability import IdentifiedSubspace
 from boomctl.identification.measured import Measured
 from boomctl.printing import count
 
-_FEWEST = (
-    12  # Fewest frequencies from which the correlation is estimated; with fewer, errors are treated as independent.
-)
-_REACH = 5  # Inverse of the largest lag of the correlation of residuals, relative to the number of frequencies.
+_FEWEST = 12  # Fewest frequencies from which the correlation is estimated; of fewer, errors count as independent.
+_REACH = 6  # Inverse of the largest lag of the correlation of residuals, relative to the number of frequencies.
 
 
 @dataclass(frozen=True)
@@ -59,25 +59,36 @@ def of_residuals(jacobian: Array, residuals: Array, data: Measured, identified: 
     if len(np.unique(entry)) < _FEWEST:
         return None
     rows = identified.directions[: identified.rank]
-    J = jacobian @ rows.T
-    lines, (n, r) = data.values.shape[-1], J.shape
+    Q, R = np.linalg.qr(jacobian @ rows.T)
+    lines, (n, r) = data.values.shape[-1], Q.shape
     series = data.kept.reshape(-1, lines).nonzero()[0]
     series = np.concatenate([series, series + series.max() + 1]) if np.iscomplexobj(data.values) else series
-    left, columns = np.zeros((series.max() + 1, lines)), np.zeros((series.max() + 1, lines, r))
-    left[series, entry], columns[series, entry] = residuals, J
-    result, lost, reach = J.T @ J, 1.0, max(lines // _REACH, 1)
-    for lag in range(1, reach + 1):
-        correlation = float((left[:, :-lag] * left[:, lag:]).sum() / np.square(left).sum())
-        coefficient = correlation * (1.0 - lag / (reach + 1.0))
-        product = np.einsum("skr,skt->rt", columns[:, :-lag], columns[:, lag:])
-        result = result + coefficient * (product + product.T)
-        lost += 2.0 * coefficient**2
-    values, turned = np.linalg.eigh(result)
-    result = (turned * np.maximum(values, np.linalg.eigvalsh(J.T @ J)[0] / n)) @ turned.T
-    dof = max(n - r, 1)
-    estimator = rows.T @ np.linalg.inv(J.T @ J)
-    covariance = float(np.square(residuals).sum()) / dof * (estimator @ result @ estimator.T)
-    return Spread(covariance, np.full(len(covariance), dof / lost), "residuals, correlated over frequency")
+    columns = np.zeros((series.max() + 1, lines, r + 2))
+    columns[series, entry] = np.column_stack([Q, residuals, np.ones(n)])
+    lag = np.arange(max(lines // _REACH, 1) + 1)
+    # products of the columns with those shifted by a lag to either side
+    products = np.array(
+        [np.tensordot(columns[:, k:], columns[:, : lines - k], ((0, 1), (0, 1))) for k in range(2 * lag[-1] + 1)]
+    )
+    products += products.transpose(0, 2, 1)
+    trace, shifted = np.einsum("krr->k", products[:, :r, :r]), products[: len(lag)]
+    of_fit, power = shifted[:, :r, :r], shifted[:, r, r]
+    # expected products of residuals, which the fit lowers, for each covariance of errors
+    expected = np.diag((1.0 + (lag == 0)) * shifted[:, -1, -1]) + np.einsum("krt,jrt->kj", of_fit, of_fit)
+    expected -= 2.0 * (trace[np.add.outer(lag, lag)] + trace[np.abs(np.subtract.outer(lag, lag))])
+    window = np.minimum(2.0 * (1.0 - lag / len(lag)), 1.0)
+    estimate = window[:, None] * np.linalg.pinv(expected, hermitian=True)
+    values, turned = np.linalg.eigh(np.tensordot(estimate @ power, of_fit, 1))
+    values = np.maximum(values, 0.5 * power[0] / max(n - r, 1) / n)
+    estimator = rows.T @ np.linalg.inv(R)
+    covariance = estimator @ (turned * values) @ turned.T @ estimator.T
+    # each variance is a quadratic form of the errors: its dof by the spectra of both
+    waves = np.cos(np.pi * np.outer(lag, np.arange(lines)) / lines)
+    forms = np.einsum("ir,krt,it->ik", estimator, of_fit, estimator) @ estimate @ waves
+    forms *= np.maximum(estimate @ power @ waves, 0.0)
+    square, most = np.square(forms).mean(axis=1), float(max(n - r, 1))
+    dof = np.divide(n * np.square(forms.mean(axis=1)), square, out=np.full(len(square), most), where=square > 0.0)
+    return Spread(covariance, np.clip(dof, 1.0, most), "residuals, correlated over frequency")
 
 
 def confident(name: str, value: object) -> float:

@@ -14,8 +14,9 @@ from boomctl.identification import MeasuredFrequencyResponse
 from tests.identification.chain import CHAIN, OMEGA, frequencies, response
 from tests.profiles import is_hunt
 
+DAMPED = {**CHAIN, "c": 4e-3}
 CHANCE = 0.05  # of honest intervals to hold less often than is asked, and more often: of 400 it leaves 93 to 97 %
-SAFE = 0.995  # at most, of intervals from blocks, which are wider where few frequencies say something of a parameter
+SAFE = 0.995  # at most, of intervals from residuals, which may be wider
 
 
 def chain_frequencies(rng):
@@ -45,6 +46,19 @@ def chain_gain(rng):
     return {"model": lambda p: np.abs(response(p)[0]), "data": curve, "free": ["k1", "k3", "c"]}
 
 
+def correlated(lines, width, free=("k1", "k3", "c")):
+    """Return the draw of a complex response whose errors of 5 % are moving averages over so many of its lines."""
+    omega = np.linspace(5.0, 50.0, lines)
+    exact, weights = response(DAMPED, omega), np.full(width, width**-0.5)
+
+    def draw(rng):
+        e = signal.lfilter(weights, [1.0], rng.standard_normal((2, lines + width)), axis=1)[:, width:]
+        measured = control.frd(exact * np.exp(0.05 * (e[0] + 1j * e[1])), omega)
+        return {"model": lambda p: response(p, omega), "data": measured, "free": list(free)}
+
+    return draw
+
+
 def held(draw, truth, start, sets, **more):
     """Return the share of intervals that hold the truth, one a parameter, over so many data sets."""
     rng = np.random.default_rng(0)
@@ -62,28 +76,27 @@ def as_often_as_95_per_cent(share, count, safe):
     return (hits >= low) & (share < SAFE if safe else hits <= high)
 
 
-CASES = [chain_frequencies, chain_response, chain_noise, chain_gain]
+CASES = {
+    "frequencies": (chain_frequencies, CHAIN),
+    "response": (chain_response, CHAIN),
+    "noise": (chain_noise, CHAIN),
+    "gain": (chain_gain, CHAIN),
+    "5 of 150 lines": (correlated(150, 5), DAMPED),
+    "20 of 400 lines": (correlated(400, 20), DAMPED),
+    "50 of 400 lines": (correlated(400, 50, ("k1", "k3")), DAMPED),
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("draw", CASES)
-def test_intervals_of_95_per_cent_hold_as_often(draw):
-    """Each parameter by itself."""
+@pytest.mark.parametrize("case", CASES)
+def test_intervals_of_95_per_cent_hold_as_often(case):
+    """Each parameter by itself; of correlated errors as well."""
+    draw, truth = CASES[case]
     sets = 400 if is_hunt() else 100
-    shares = held(draw, CHAIN, CHAIN, sets)
-    assert as_often_as_95_per_cent(shares, sets, safe=draw is not chain_frequencies).all(), shares
-
-
-def correlated(rng):
-    """A complex response on a fine grid, its errors correlated over some three lines to either side."""
-    omega, c = np.linspace(5.0, 50.0, 150), 4e-3
-    e = signal.lfilter([np.sqrt(0.51)], [1.0, -0.7], rng.standard_normal((2, 300)), axis=1)[:, -150:]
-    measured = control.frd(response({**CHAIN, "c": c}, omega) * np.exp(0.05 * (e[0] + 1j * e[1])), omega)
-    return {"model": lambda p: response(p, omega), "data": measured, "free": ["k1", "k3"]}
+    shares = held(draw, truth, truth, sets)
+    assert as_often_as_95_per_cent(shares, sets, safe=case != "frequencies").all(), shares
 
 
 @pytest.mark.slow
-def test_block_intervals_cover_correlated_errors():
-    truth = {**CHAIN, "c": 4e-3}
-    assert (held(correlated, truth, truth, 100) > 0.88).all()  # 0.93 and 0.92 seen; chance is 2.5 %
-    assert (held(correlated, truth, truth, 100, error_std=0.05) < 0.8).all()
+def test_intervals_as_independent_miss_correlated_errors():
+    assert (held(correlated(150, 5), DAMPED, DAMPED, 100, error_std=0.05) < 0.8).all()
