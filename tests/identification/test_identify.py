@@ -161,6 +161,12 @@ def test_exact_response_gives_exact_modes(chain):
         assert dampings.max() < 1e-6
 
 
+@pytest.mark.parametrize("damping", [0.002914805550677383, 0.016040793121684927])
+def test_rounding_errors_of_exact_response_are_no_mode(damping):
+    exact = three_masses(damping).frequency_response(2.0 * np.pi * np.linspace(0.5, 10.0, 500))
+    assert len(bc.identify(exact).modes) == 3
+
+
 def test_record_of_forced_response_has_one_mode():
     """Inputs run straight between samples, which neither assumption describes: what that leaves is no mode."""
     force, mass = np.random.default_rng(0).standard_normal(400), [[1.0]]
