@@ -117,7 +117,8 @@ def fit(
         Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
         response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
         0 excludes a value.  The same for all data sets.  With relative errors, values of such a response whose standard
-        deviation exceeds 20 %, those of low coherence, are excluded by default.
+        deviation exceeds 20 %, those of low coherence, are excluded by default, because their logarithms are biased.  This
+        leaves out deep antiresonances: fit parameters that only these determine with ``error_model="absolute"``.
     error_model : "relative" or "absolute"
         "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
