@@ -19,7 +19,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.printing import compact
 from boomctl.progress import Deadline
@@ -95,12 +95,14 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
     """Solve the two Riccati equations at a level; ``inf`` gives those of H2."""
     solutions = []
     for plant, name, case in ((ready, "X", "state-feedback"), (ready.dual, "Y", "filter")):
-        solution = schur_solution(*_riccati_equation(plant, gamma))
+        F, G, Q = _riccati_equation(plant, gamma)
+        solution = schur_solution(F, G, Q)
         if solution is None:
             return Level(gamma, f"the {case} Riccati equation has no stabilizing solution {name}")
         solution = even(solution)
         values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
-        if values[0] < -_INDEFINITE_RTOL * max(np.abs(values[[0, -1]]).max(), TINY):
+        negligible = ALIKE * np.linalg.norm(F) / np.linalg.norm(G) if G.any() else TINY  # Its gain does not change F.
+        if values[0] < -max(_INDEFINITE_RTOL * np.abs(values[[0, -1]]).max(), negligible):
             reason = f"the solution {name} of the {case} Riccati equation is not positive semidefinite"
             return Level(gamma, reason, lower_bound=gamma if np.isfinite(gamma) else 0.0)
         solutions.append(solution)
