@@ -19,7 +19,8 @@ def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
     real form of which is ``system``, or None.
     """
     if modal is None:
-        P, Q = (refined_gramian(A, B).astype(float) for A, B in ((system.A, system.B), (system.A.T, system.C.T)))
+        solve = refined_gramian if len(system.A) <= EXTENDED else gramian
+        P, Q = (solve(A, B).astype(float) for A, B in ((system.A, system.B), (system.A.T, system.C.T)))
     else:
         J, sums = modal.mixing, modal.poles[:, None] + modal.poles.conj()
         P = np.real(J @ (-(modal.B @ modal.B.conj().T) / sums) @ J.conj().T)
