@@ -83,7 +83,7 @@ CASES = {
     "gain": (chain_gain, CHAIN),
     "5 of 150 lines": (correlated(150, 5), DAMPED),
     "20 of 400 lines": (correlated(400, 20), DAMPED),
-    "50 of 400 lines": (correlated(400, 50, ("k1", "k3")), DAMPED),
+    "50 of 800 lines": (correlated(800, 50, ("k1", "k3")), DAMPED),
 }
 
 
