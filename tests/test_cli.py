@@ -20,6 +20,13 @@ from boomctl.studies.measurement import identified_file
 from tests.command import boomctl
 
 
+@pytest.mark.slow  # a process of its own
+def test_package_runs_as_a_module():
+    done = subprocess.run([sys.executable, "-m", "boomctl", "parameters"], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == boomctl("parameters").stdout
+
+
 def test_sigma_says_its_certified_peak(tmp_path):
     done = boomctl("sigma", "--out", str(tmp_path / "sigma.svg"))
     assert done.returncode == 0

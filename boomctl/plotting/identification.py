@@ -15,6 +15,8 @@ _TOGETHER = "0.15"  # color of a fit to several data sets, each of which has ano
 _BEFORE = "0.6"  # color of the initial model
 _NORMAL = 1.96  # deviations to either side of a curve that hold 95 % of normal errors
 _SHADE = 0.25  # opacity of an interval
+_DASHES = ("-", "--", ":", "-.")  # of the inputs, where outputs differ in color
+_NAMED = 12  # entries of a response above which the legend names none
 
 
 def plot_fit(result: "FitResult", ax: Any = None, **drawn: Any) -> Any:
@@ -80,6 +82,7 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
     ax.set_yscale("log")
     ax.set_xlabel("frequency [Hz]")
     ax.set_ylabel("singular values" if data.kind == "singular values" else "magnitude")
+    few_labels(ax)
 
 
 def plot_response(
@@ -90,10 +93,11 @@ def plot_response(
     entries = [(o, i) for o in range(len(size)) for i in range(size.shape[1])]
     with panels(ax, ("magnitude", "coherence"), (7.0, 5.0)) as axes:
         omega = response.omega / frequency_axis(axes[1], frequency_unit)
-        for k, (o, i) in enumerate(entries):
+        for o, i in entries:
             name = f"{response.input_labels[i]} -> {response.output_labels[o]}"
-            named = name if len(entries) <= len(COLORS) else None
-            look = line_look(drawn, color=COLORS[k % len(COLORS)], label=named)
+            named = name if len(entries) <= _NAMED else None
+            dashes = _DASHES[i % len(_DASHES)]
+            look = line_look(drawn, color=COLORS[o % len(COLORS)], linestyle=dashes, label=named)
             axes[0].plot(omega, size[o, i], **look)
             low, high = np.maximum(size[o, i] - error[o, i], size[o, i].min() * _SHADE), size[o, i] + error[o, i]
             axes[0].fill_between(omega, low, high, color=look["color"], alpha=_SHADE, linewidth=0.0)

@@ -72,7 +72,10 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
             note = "; broken lines: limits" if limited else ""
             axes[0].set_title(f"{result.title.capitalize()}: {result.duration:.4g} s{note}")
         legend(axes[0])
-        over_time(axes, [labeled(*result._labels[kind]) for kind, _, _ in curves], _AROUND)
+        names = [
+            labeled(*result._labels[kind]).replace(" [", "\n[") for kind, _, _ in curves
+        ]  # Two lines fit the axes.
+        over_time(axes, names, _AROUND)
     return axes
 
 
