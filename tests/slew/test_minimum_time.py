@@ -315,3 +315,12 @@ def test_minimum_time_between_moving_states_matches_closed_form(turn):
     slew = bc.optimal_slew(body, None, 1.0, initial_state=[0.0, 1.0], final_state=[turn, 1.0])
     expected = 2.0 + 2.0 * np.sqrt(1.0 - turn) if turn < 0.0 else 2.0 * (np.sqrt(1.0 + turn) - 1.0)
     assert slew.duration == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("factor", [1e-7, 1e-5, 1e-3, 0.3, 3.0])
+def test_search_on_a_grid_finds_the_time_from_a_guess_far_below_it(factor):
+    problem = slew_problem(two_masses(), 1.0, Limits(1.0))
+    exact = two_masses_exact()[0]
+    result = switching._on_grid(problem, factor * exact, switching._GRIDS[0], switching._programmed)
+    assert result is not None
+    assert result.duration == pytest.approx(exact, rel=2e-3)

@@ -83,21 +83,22 @@ def least_time(problem: SlewProblem) -> Extremal:
     first = rigid_and_slowest(problem)
     guess = problem.rigid_time if first is None else first.duration
     extremal, feasible = _fastest(problem, guess)
-    if not feasible:
-        limit = problem.plants[0].with_unit("torque", f"{problem.limits.torque:g}")
-        raise SlewError(
-            f"torque_limit = {limit}: no duration was found in which a torque within it leads to the end state; expected a"
-            " larger one, or a start and an end nearer to rest"
-        )
     # where the number of arcs changes, no grid resolves it; a slightly different torque limit may
     for factor in _LIMIT_FACTORS if extremal is None else ():
         limits = replace(problem.limits, torque=factor * problem.limits.torque)
-        near, _ = _fastest(replace(problem, limits=limits), guess)
+        near, reached = _fastest(replace(problem, limits=limits), guess)
+        feasible |= reached
         if near is not None:
             near = replace(near, limit=problem.limits.torque)
             extremal = _agreeing(problem, _newton(problem, _fitted(problem, near)))
         if extremal is not None:
             break
+    if extremal is None and not feasible:
+        limit = problem.plants[0].with_unit("torque", f"{problem.limits.torque:g}")
+        raise SlewError(
+            f"torque_limit = {limit}: no duration was found in which a torque within it leads to the end state; expected a"
+            " larger one, or a start and an end nearer to rest"
+        )
     if extremal is None:
         raise SlewError("minimum time: the switching times were not found; they may exist within the torque limit")
     return extremal
@@ -141,7 +142,7 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
     logarithms, peaks, weights = [math.log(guess)], [], np.ones(intervals)
     # where more time may be infeasible, the least time is approached from below
     longest, tries = (1.0, _SECANTS) if problem.waits else (_CAREFUL, int(_FAR / _CAREFUL))
-    for _ in range(tries):
+    while len(peaks) < tries:
         problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
         duration = math.exp(logarithms[-1])
         G = problem.ends @ flow(problem).responses(duration, intervals) * problem.limits.torque
@@ -150,6 +151,9 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
         if not np.isfinite(G).all() or not np.isfinite(d).all() or scale.min() == 0.0:
             return None
         result = least_sum(G / scale[:, None], d / scale, weights)
+        if result is None and not peaks and intervals == _GRIDS[0] and logarithms[-1] < math.log(guess) + _FAR:
+            logarithms[-1] += longest  # far too short
+            continue
         if result is None:
             return None
         y, weights = result
