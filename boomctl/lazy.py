@@ -42,6 +42,7 @@ TRANSLATED = {
         "pzmap": "pole_zero_map pole_zero_plot iopzmap",
         "reduce": "balred modred balreal hankelmr",
         "robust_stability": "robstab robuststab",
+        "shelf": "makeweight",
         "sigma": "singular_values_response sigmaplot",
         "step": "step_response stepplot step_info",
         "tune": "systune hinfstruct looptune",

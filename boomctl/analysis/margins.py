@@ -292,7 +292,7 @@ class Margins:
 
     def _table(self) -> list[tuple[str, ...]]:
         """Return heads and rows of the margins."""
-        heads = ("opened at", "gain from", "to", "[dB]", "to", "at [rad/s]", "phase [deg]", "at [rad/s]")
+        heads = ("opened at", "gain min", "max", "min [dB]", "max [dB]", "at [rad/s]", "phase [deg]", "at [rad/s]")
         table: list[tuple[str, ...]] = [(*heads, "delay [s]", "disk")]
         for x in self.loops:
             limits = zip(x.gain_margin, x.gain_margin_omega, strict=True)

@@ -103,7 +103,7 @@ class WorstCase:
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
         name = NAMES[self.worst_norm.kind]
         return (
-            f"{name} norm up to {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} evaluations"
+            f"{name} norm of at least {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} evaluations"
         )
 
     def __figures__(self) -> dict[str, float]:
