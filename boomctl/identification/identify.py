@@ -499,7 +499,7 @@ def identify(
 
 @dataclass(frozen=True)
 class _Trial:
-    """What is fitted, what it is validated on, and what is fitted at last, with the signals, the band and the source.
+    """Data of the fit, of its validation and of the last fit, with the signals, the band and the source.
 
     A measured response is fitted once with each of the possible errors, a record in one way.
     """

@@ -102,9 +102,7 @@ class WorstCase:
         proved = f"at most {from_on(self.upper_bound)} over the box, proved in {count(self.cells, 'cell')}"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
         name = NAMES[self.worst_norm.kind]
-        return (
-            f"{name} norm of at least {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} evaluations"
-        )
+        return f"{name} norm of at least {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} evaluations"
 
     def __figures__(self) -> dict[str, float]:
         """Return the metrics for a comparison."""
