@@ -101,8 +101,8 @@ class WorstCase:
         middle = f"at the midpoint {self.nominal.lower_bound:.5g}"
         proved = f"at most {from_on(self.upper_bound)} over the box, proved in {count(self.cells, 'cell')}"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
-        name = NAMES[self.worst_norm.kind]
-        return f"{name} norm of at least {self.worst_norm.lower_bound:.5g} {where}; {bound}; {middle}; {self.nfev} evaluations"
+        least = f"{NAMES[self.worst_norm.kind]} norm of at least {self.worst_norm.lower_bound:.5g}"
+        return f"{least} {where}; {bound}; {middle}; {self.nfev} evaluations"
 
     def __figures__(self) -> dict[str, float]:
         """Return the metrics for a comparison."""
