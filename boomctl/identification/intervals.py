@@ -5,7 +5,7 @@ errors whose covariance over frequency is estimated from the residuals, free of 
 flat at small lags.  Each variance has its own dof.  For several data sets, such as days, the scatter of the parameters of
 the data sets is used.
 
-Sources: Worsley et al. (2002), NeuroImage 15 (bias by the fit); Politis & Romano (1995), J. Time Ser. Anal. 16 (window);
+Sources: Worsley et al. (2002), NeuroImage 15 (bias by the fit); Politis & Romano (1995), J. Time Series Analysis 16 (window);
 Satterthwaite (1946), Biometrics 2 (dof).
 """
 
