@@ -1,5 +1,6 @@
 """Text and HTML of models and results."""
 
+import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
@@ -127,7 +128,7 @@ def exact_html(self: Any) -> str:
 
 def sentence(name: str, text: str) -> str:
     """Return "name: text", each part between semicolons on a line of its own."""
-    parts = f"{name}: {text}".split("; ")
+    parts = re.split(r"; (?![^()]*\))", f"{name}: {text}")  # Not within parentheses.
     lines = [
         textwrap.wrap(part, WIDTH, initial_indent="  " if k else "", subsequent_indent="    ")
         for k, part in enumerate(parts)

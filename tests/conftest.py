@@ -22,7 +22,7 @@ os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 settings.load_profile("quick")
 
-LIMIT = 1.0  # s of processor time: a test that takes more and is not marked slow is named (a choice)
+LIMIT = 1.0  # s of processor time: a test that takes more and is not marked slow is named
 HEAVY = ("casadi", "control", "matplotlib", "scipy.signal")  # imports of a second: not the fault of a test
 
 OTHER = re.compile("is_quick|is_hunt|skip")  # words of a file whose tests differ by profile, or by what is installed

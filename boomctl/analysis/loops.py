@@ -171,7 +171,7 @@ def signals_of(
     """
     read, driven = controller.input_labels, controller.output_labels
     unnamed = [*(f"u[{k}]" for k in range(len(read))), *(f"y[{k}]" for k in range(len(driven)))]
-    if unnamed == [*read, *driven] and not {*unnamed} & {*inputs, *outputs}:
+    if unnamed == [*read, *driven] and not ({*read} <= {*outputs} and {*driven} <= {*inputs}):
         raise ValueError(
             f"controller: its signals have no names but {listed(unnamed)}: python-control loses them in -K, 2 * K, K1 * K2;"
             f" K.update_names(inputs=[...], outputs=[...]) gives them: what it reads is among {listed(outputs)}, what it"

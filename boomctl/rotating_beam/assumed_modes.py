@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 
 _MOST_MODES = 200  # the modal integrals are known to keep 1e-12 relative up to there
-_MOST_MODES_CFOAM = 60  # a choice: its sums over points of mass take n^3 numbers, 0.8 million there
+_MOST_MODES_CFOAM = 60  # its sums over points of mass take n^3 numbers, 0.8 million there
 _POINTS = 41  # Points along the beam at which its deformed shape is evaluated.
 _CHUNK = 2048  # Times evaluated at once; bounds the memory.
 

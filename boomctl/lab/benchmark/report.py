@@ -17,7 +17,7 @@ from boomctl.lab.benchmark.measure import measured
 from boomctl.report import Report, Section, Table, power
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "ctrlsys", "mpmath")
-_PAGE_HEADS = ("Scene", "boomctl", "Error", "First call", "Later calls", "Memory", "Other program", "Least lead")
+_PAGE_HEADS = ("Scene", "boomctl", "Error", "First call", "Later calls", "Memory", "Other program", "Smallest ratio")
 _SIZE_HEADS = ("Scene", "Method", "Sizes", "Run time", "Exponent")
 _SHADES = {"NO": "#f9d6d5", "yes": "#e3f4e3"}
 SCENES = {
