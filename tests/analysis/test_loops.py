@@ -87,4 +87,4 @@ def test_worst_case_of_negated_controller_has_advice():
     signals = {"inputs": "stroke_anti", "outputs": "suspension_anti"}
     damper = control.ss([[-30.0]], [[30.0]], [[-3000.0]], [[3000.0]], **signals)
     worst = bc.worst_case(bc.boom.yaw_family(subsystem="yaw"), damper, "actuator_anti", "tip_anti")
-    assert "u = +K y: pass -K" in repr(worst)
+    assert "u = +K y: pass -K" in worst.summary

@@ -81,7 +81,7 @@ def test_verdicts_read_as_what_they_are():
     assert "times; unstable at " in robust_stability_margin(family, feedback(1.0), max_factor=10.0).summary
     assert "no instability found" in robust_stability_margin(family, feedback(1.0), max_factor=2.0).summary
     worst = worst_case(family, feedback(0.0), "w", "y")
-    assert f"up to {worst.worst_norm.lower_bound:.5g} at k = " in worst.summary
+    assert f"of at least {worst.worst_norm.lower_bound:.5g} at k = " in worst.summary
 
 
 @pytest.mark.parametrize(("limit", "width"), [(1, 0.999999), (20, 0.999999), (3, 0.9)])
