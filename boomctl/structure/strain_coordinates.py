@@ -22,6 +22,7 @@ from boomctl.structure.ports import Ports
 # Smallest singular value of rows of size one below which coordinates are equilibrated and the rank is determined; short
 # elements next to long ones also cause small singular values.  Their squares, of a Gram matrix, are still far above rounding.
 _CLEAR = 1e-4
+_LARGEST = 1e150  # Entry of damper rows above which their products overflow, of springs next to nothing.
 _EVENED = 30  # Iterations of equilibration; each takes the square root of the imbalance.
 
 
@@ -196,7 +197,7 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
 
 
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
-    """Return a structure in strain coordinates; None for one without mass or stiffness."""
+    """Return a structure in strain coordinates; None for one without mass or stiffness, or with overflow."""
     n, elastic, N, R = len(layout.coordinates), weights.k > 0.0, layout.N, layout.R
     mass, inertia = weights.m @ N**2, np.sqrt(weights.m)[:, None] * N
     if not (mass > 0.0).all() or not R[elastic].any():
@@ -213,6 +214,8 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
             V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
     loss, damped = (weights.c[elastic] / weights.k[elastic])[order], combined(dampers, V)
     damped[:, n - free :] = 0.0
+    if np.abs(damped).max(initial=0.0) > _LARGEST:
+        return None
     forces = np.zeros_like(R)
     forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
     N = np.triu(lapack.dgeqrf(inertia @ V)[0][:n])
