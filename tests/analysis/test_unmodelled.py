@@ -95,7 +95,7 @@ UNREACHED = control.ss(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0, 1.0]], 0.0,
 @pytest.mark.parametrize(
     ("K", "by"), [(damper(), 0.0), (damper(0.0), 1.0), (bc.discretize(damper(), 0.1), 0.0), (UNREACHED, 1.0)]
 )
-def test_uncertainty_without_a_path_to_the_control_changes_nothing(K, by):
+def test_uncertainty_that_misses_the_control_changes_nothing(K, by):
     nominal = bc.robust_stability(family(), K)
     found = bc.robust_stability(family(), K, additive_uncertainty=scaled(BOUND, by))
     assert nominal.proved
