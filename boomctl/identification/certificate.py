@@ -84,12 +84,12 @@ class FitCertificate:
     @property
     def adequacy(self) -> str:
         """Residual in percent of the data, and reduced chi-square where the errors are known."""
-        text = f"residual {self.residual_percent:.2g} % of the data"
+        text = f"relative residual {self.residual_percent:.2g} %"
         if np.isnan(self.residual_ratio):
             return text
         verdict = "" if self.fit_adequate else " (model inadequate)"
         text += f", reduced chi-square {self.residual_ratio**2:.2g}{verdict}"
-        return f"{text} of {self.ndata:,} numbers, counted as independent"
+        return f"{text}, {self.ndata:,} values assumed independent"
 
     @property
     def summary(self) -> str:
@@ -102,7 +102,7 @@ class FitCertificate:
         parts = [f"minimum {'certified' if self.certified else 'NOT certified'}"]
         if np.isfinite(self.distance_to_minimum):
             parts[0] += (
-                f" to {self.distance_to_minimum:.2g} standard errors"
+                f" within {self.distance_to_minimum:.2g} standard errors"
                 if self.is_minimum
                 else f", offset {self.distance_to_minimum:.2g}"
             )

@@ -206,7 +206,7 @@ def fit(
     degrees = np.inf if known_size is not None else dof
     limit = float(limits(confidence_level, np.array(degrees))) if degrees > 0 else np.inf
     if spread is None:
-        source = f"{'the given error_std' if known_size is not None else 'all residuals'}, as independent errors"
+        source = f"{'error_std' if known_size is not None else 'residuals'}, with independent errors"
         spread = Spread(identified.covariance() * size**2, np.full(free_parameters.size, float(degrees)), source)
     coordinates = _covariance(spread, identified)
     floors = _MIN_DEVIATION * size * np.sqrt(np.diag(identified.covariance()))

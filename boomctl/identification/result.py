@@ -211,7 +211,7 @@ class FitResult(Summarized):
             One line for each parameter, then the results of the fit.
         """
         width = max(len(name) for name in self.names)
-        numbers = f"{self.data.size} numbers ({self.data.kind})"
+        numbers = f"{self.data.size} values ({self.data.kind})"
         lines = [f"fit of {count(len(self.names), 'parameter')} to {numbers}: {self.certificate.adequacy}"]
         lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
         lines += [f"not determined: {item.description}" for item in self.unidentifiable]
@@ -230,7 +230,8 @@ class FitResult(Summarized):
         if np.isnan(self.error_std):
             return "as many parameters as data: the errors cannot be estimated; set error_std"
         size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
-        return f"errors of {size}, {'estimated from the residuals' if self.error_std_estimated else 'as given'}"
+        origin = "estimated from residuals" if self.error_std_estimated else "specified"
+        return f"standard deviation of errors {size}, {origin}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values, fitted values and those at the start.

@@ -88,11 +88,11 @@ def _draw_curves(result: "FitResult", ax: Any, drawn: dict[str, Any]) -> None:
 def plot_response(
     response: "FrequencyResponseEstimate", ax: Any = None, *, frequency_unit: str | None = None, **drawn: Any
 ) -> Any:
-    """Draw the magnitude of each entry with its 95 % interval, and the coherence of each output; return the axes."""
+    """Draw each entry's magnitude with its 95 % interval and its phase, and each output's coherence; return the axes."""
     size, error = np.abs(response.frdata), _NORMAL * response.deviation
     entries = [(o, i) for o in range(len(size)) for i in range(size.shape[1])]
-    with panels(ax, ("magnitude", "coherence"), (7.0, 5.0)) as axes:
-        omega = response.omega / frequency_axis(axes[1], frequency_unit)
+    with panels(ax, ("magnitude", "phase", "coherence"), (7.0, 6.4)) as axes:
+        omega = response.omega / frequency_axis(axes[-1], frequency_unit)
         for o, i in entries:
             name = f"{response.input_labels[i]} -> {response.output_labels[o]}"
             named = name if len(entries) <= _NAMED else None
@@ -101,11 +101,13 @@ def plot_response(
             axes[0].plot(omega, size[o, i], **look)
             low, high = np.maximum(size[o, i] - error[o, i], size[o, i].min() * _SHADE), size[o, i] + error[o, i]
             axes[0].fill_between(omega, low, high, color=look["color"], alpha=_SHADE, linewidth=0.0)
+            axes[1].plot(omega, np.angle(response.frdata[o, i], deg=True), **{**look, "label": None})
         for o, coherence in enumerate(response.coherence):
             named = response.output_labels[o] if len(size) <= len(COLORS) else None
-            axes[1].plot(omega, coherence, **line_look(drawn, color=COLORS[o % len(COLORS)], label=named))
+            axes[2].plot(omega, coherence, **line_look(drawn, color=COLORS[o % len(COLORS)], label=named))
         axes[0].set(yscale="log", ylabel="magnitude")
-        axes[1].set(ylabel="coherence", ylim=(0.0, 1.05))
+        axes[1].set(ylabel="phase [deg]", ylim=(-190.0, 190.0), yticks=(-180.0, -90.0, 0.0, 90.0, 180.0))
+        axes[2].set(ylabel="coherence", ylim=(0.0, 1.05))
         for item in axes:
             item.set_xscale("log")
             legend(item)

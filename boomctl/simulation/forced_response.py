@@ -157,7 +157,8 @@ def forced_response(
     time, wanted = uniform_times(timepts), positive("rtol", rtol)
     h = float(time[-1] - time[0]) / (len(time) - 1)
     if not isinstance(inputs, Mapping) or not inputs:
-        raise TypeError("inputs: expected a mapping from inputs of the plant to arrays, not empty")
+        got = "none" if isinstance(inputs, Mapping) else type(inputs).__name__
+        raise TypeError(f"inputs: expected a mapping from inputs of the plant to arrays, got {got}")
     if not isinstance(plant, SecondOrderModel):
         system = of(plant, "plant")
         rows = disturbance_rows(inputs, system.input_labels, (), len(time))

@@ -21,7 +21,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import inf, radians
-from types import EllipsisType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -147,7 +146,7 @@ def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
 @one_blas_thread
 def optimal_slew(
     system: AssumedModesBeam | control.StateSpace,
-    angle: float | EllipsisType | None = ...,
+    angle: float | None = None,
     torque_limit: float | None = None,
     objective: str = "time",
     duration: float | None = None,
@@ -174,8 +173,10 @@ def optimal_slew(
         The first input of a linear system is the torque, its first output the angle; the slew ends at the equilibrium
         ``A x = 0`` with that angle. Outputs "tip_displacement" and "root_moment" are identified by name.  Texts and
         plots use its signal names, with units if these are the names of a hub-beam, "torque" and "hub_angle".
-    angle, torque_limit : float
-        Slew angle [rad], free if None, and largest absolute torque [N m].
+    angle : float or None
+        Slew angle [rad]. If None, free: for a spin-up, or between states.
+    torque_limit : float
+        Largest absolute torque [N m].
     angle_deg : float, optional
         The angle in degrees, in place of ``angle``.
     objective, duration : str, float or None
@@ -211,7 +212,7 @@ def optimal_slew(
     Raises
     ------
     TypeError, ValueError, SlewError
-        If an argument is invalid, or angle or torque limit are missing; if no torque within the limits is found: the
+        If an argument is invalid or missing; if no torque within the limits is found: the
         message names the largest violation, its time and the active limits; if the time limit is exceeded before there is
         a slew: the message names the stage.
     KeyboardInterrupt
@@ -267,14 +268,12 @@ def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None
         ) from None
 
 
-def _turned(linear: bool, angle: float | EllipsisType | None, angle_deg: float | None) -> float | None:
+def _turned(linear: bool, angle: float | None, angle_deg: float | None) -> float | None:
     """Return the specified angle [rad], None if it is free."""
     if angle_deg is not None:
-        if angle is not ...:
+        if angle is not None:
             raise ValueError("angle, angle_deg: expected one of them, got both")
         return radians(real("angle_deg", angle_deg))
-    if angle is ...:
-        raise TypeError("angle: expected an angle [rad], angle_deg in degrees, or None for a free angle; got none")
     if angle is not None and not linear:
         warn_of_turns(real("angle", angle))
     return angle
@@ -394,7 +393,7 @@ def replan(
     if angle is not None or angle_deg is not None:
         if before.problem.angle is None or not before.problem.waits:
             raise ValueError("angle: expected None, for the slew had a free angle or given states")
-        arguments["angle"] = _turned(before.problem.linear, ... if angle is None else angle, angle_deg)
+        arguments["angle"] = _turned(before.problem.linear, angle, angle_deg)
     if torque_limit is not None:
         arguments["limits"] = replace(before.problem.limits, torque=torque_limit)
     with _search(time_limit, progress) as deadline:

@@ -341,7 +341,9 @@ def _check_feasible(problem: SlewProblem) -> None:
     scale = np.abs(problem.ends) @ np.maximum(np.abs(alone), np.abs(problem.target))
     if np.all(np.abs(problem.ends @ (alone - problem.target)) <= ALIKE * scale):
         if T is None or problem.waits:
-            raise ValueError("angle: the plant is at its end state already; expected a slew that leads somewhere")
+            raise ValueError(
+                "angle: the plant is at its end state already; expected another angle (or angle_deg), speed or state"
+            )
         raise ValueError("duration: the plant comes to its end state by itself; expected a slew that needs a torque")
     last = "final_speed" if problem.final_speed else "final_state"
     for name, state, t in (("initial_state", problem.start, "0"), (last, problem.target, "t_f")):

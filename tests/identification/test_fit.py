@@ -419,7 +419,7 @@ def test_a_file_of_complex_responses_is_fitted_with_its_phase(tmp_path):
     found = bc.fit(build, curve, {"delay": (0.0, 0.05)}, {"delay": 0.01}, n_starts=1)
     assert found.values["delay"] == pytest.approx(0.02, rel=1e-9)
     assert found.data.kind == "complex frequency response"
-    assert "numbers (complex frequency response)" in str(found)
+    assert "values (complex frequency response)" in str(found)
     lost, start = replace(curve, frdata=None), {"delay": 0.01}
     without = bc.fit(lambda p: np.abs(build(p)[0]), lost, {"delay": (0.0, 0.05)}, start, n_starts=1)
     assert without.data.kind == "singular values"
@@ -501,7 +501,7 @@ def test_fit_relative_errors_use_coherent_frequencies(errors):
     assert found.certificate.residual_ratio**2 < 1.5
     assert found.values["damping"] == pytest.approx(0.01, rel=0.02)
     assert found.certificate.ndata < 0.9 * H.frdata.size * 2
-    assert f"of {found.certificate.ndata:,} numbers, counted as independent" in str(found)
+    assert f", {found.certificate.ndata:,} values assumed independent" in str(found)
 
 
 # -- adequacy of the model ---------------------------------------------------------------------------------------------
@@ -548,9 +548,7 @@ def test_fit_adequacy_is_headline(case, wrong):
     for shown in (repr(found), str(found), repr(certificate)):
         text = " ".join(shown.split())
         assert (
-            0
-            < text.index(f"residual {certificate.residual_percent:.2g} % of the data")
-            < text.index("minimum certified")
+            0 < text.index(f"relative residual {certificate.residual_percent:.2g} %") < text.index("minimum certified")
         )
         assert ("model inadequate" in text) == (not certificate.fit_adequate)
 

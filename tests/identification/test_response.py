@@ -309,8 +309,9 @@ def test_coarse_and_binary_signals_accepted():
 def test_response_plot_panels(driven):
     _, u, y = driven
     H = bc.estimate_frequency_response(u, y, STEP, frequency_range_hz=(0.5, 10.0))
-    magnitude, coherence = H.plot(ax=Figure(), color="#123456")
+    magnitude, phase, coherence = H.plot(ax=Figure(), color="#123456")
     assert (magnitude.get_xlabel(), coherence.get_xlabel()) == ("", "frequency [Hz]")
     assert len(magnitude.get_lines()) == len(magnitude.collections) == 6
     assert [line.get_color() for line in coherence.get_lines()] == ["#123456"] * 3
     assert np.allclose(magnitude.get_lines()[0].get_ydata(), np.abs(H.frdata[0, 0]))
+    assert np.allclose(phase.get_lines()[0].get_ydata(), np.degrees(np.angle(H.frdata[0, 0])))

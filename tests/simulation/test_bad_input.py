@@ -87,7 +87,7 @@ _pole(0.5, dt=0.1) -> its sampling time is 0.1 s
 _run(ct.ss([[0.5]], [[1.0]], [[1.0]], 0.0, 0.1)) -> continuous time
 _grows(40.0, lambda P, t, d: simulate_loop(P, None, t, d, sample_time=0.5)) -> diverges
 _grows(5.0, forced_response) -> overflow
-_boom({}) -> not empty
+_boom({}) -> to arrays, got none
 _boom({"actuator": _TIME}) -> did you mean
 CoulombFriction(1.0, 0.5) -> breakaway_force = 0.5
 _slid(4.0) -> finer timepts

@@ -64,7 +64,7 @@ masses(tip_masses=(0.1,)) -> tip_masses
 masses(initial_state=[0.0]) -> initial_state
 masses(final_state=[2.0, 2.0, 0.0, 0.0]) -> angle = 1\.0: expected None or 2, as the final_state has it
 masses(angle_deg=60.0) -> angle, angle_deg: expected one of them, got both
-bc.optimal_slew(two_masses(), torque_limit=1.0) -> angle: expected an angle
+bc.optimal_slew(two_masses(), torque_limit=1.0) -> angle: the plant is at its end state already; expected another angle
 bc.optimal_slew(two_masses(), 1.0) -> torque_limit: expected the largest torque
 beam(progress=1) -> progress = 1: expected a function
 single(dt=0.1) -> continuous
