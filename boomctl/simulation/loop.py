@@ -81,16 +81,16 @@ def simulate_loop(
 ) -> LoopResult:
     """Simulate a plant under a sampled controller.
 
-    Between samples a linear plant is integrated exactly, and the nonlinear equations of a hub-beam to a tolerance: controls
-    are held, disturbances are interpolated linearly between times.  At a sample the controller reads the plant (just before
-    its control changes) and commands a control.  The limits, first of force, then of rate, reduce it to the applied control,
-    which acts ``delay`` later.
+    Between samples, controls are held and disturbances are interpolated linearly.  A linear plant is integrated exactly, a
+    hub-beam within a tolerance.  At each sample, the controller reads the outputs just before the control changes and
+    computes a command.  The command is limited to ``control_limit``, then in its rate to ``rate_limit``, and acts after
+    ``delay``.
 
     Parameters
     ----------
     plant : control.StateSpace, control.TransferFunction, SecondOrderModel or AssumedModesBeam
         Continuous time, with named signals.  :func:`boomctl.with_state_outputs` adds a linear plant's states to its outputs.
-        A model of more than 60 coordinates is projected onto its lowest 60 modes and the static responses of the others.  A
+        A model of more than 60 coordinates is reduced to its lowest 60 modes and the static response of the others.  A
         hub-beam has the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed
         beam, rotating with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
         ``tip_acceleration`` (absolute, across the undeformed beam), its ``sensors``, and the states that the controller
@@ -117,9 +117,9 @@ def simulate_loop(
     quantization : float or mapping from measurement to float, optional
         Resolution of the measurements.
     anti_windup : bool
-        Correct the controller's state by the difference between applied and commanded control. The gain is such that
-        the state is proved bounded with each control at its limit alone and with all of them. If there is no proof,
-        the state is not corrected, with a warning.
+        Correct the controller's state by the difference between applied and commanded control. The gain is chosen such
+        that the state is proved bounded if one control or all controls are at their limits. Without a proof, the state
+        is not corrected and a warning is issued.
     friction : CoulombFriction, optional
         Dry friction in the plant.
     method : "tustin" or "zoh"

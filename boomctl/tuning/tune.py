@@ -57,9 +57,9 @@ def tune(
 ) -> TuneResult:
     """Tune a controller of a given structure to minimize a norm of the closed loop.
 
-    From each start the loops are first stabilized. Then the norm is minimized by nonsmooth descent and by sequential
-    quadratic programming over all peaks near the highest one (Apkarian & Noll 2006; Lewis & Overton 2013).  The
-    minimum is local: the best of all starts.  The returned controller is verified independently of the search.
+    From each start, the loops are first stabilized. Then the norm is minimized by nonsmooth descent and by sequential
+    quadratic programming over all peaks near the highest one (Apkarian & Noll 2006; Lewis & Overton 2013).  The result is
+    the best local minimum of all starts, and is verified independently of the search.
 
     Parameters
     ----------

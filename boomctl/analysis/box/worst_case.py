@@ -129,15 +129,14 @@ def worst_case(
 ) -> WorstCase:
     """Compute bounds on the worst-case norm of the loop ``u = K y`` over a parameter box.
 
-    The lower bound is computed by a local search from the midpoint, faces and vertices of the box, and from the
-    midpoints of cells without a proof; the upper bound by branch and bound: the box is cut until in each cell no
-    singular value can reach the level.  Cells are boxes of parameters, and at every fifth halving smaller boxes of
-    parameters and frequencies (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust stability
-    over the box.
+    The lower bound comes from local searches that start at the midpoint, faces and vertices of the box, and at the
+    midpoints of cells without a proof.  The upper bound comes from branch and bound: the box is bisected until no singular
+    value can reach the level in any cell (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust
+    stability over the box.
 
-    A discrete controller defines sampled loops, as in :func:`boomctl.feedback_loop`: disturbances are held between samples,
-    and outputs are taken at the samples.  The loop is then approximated by a polynomial of the parameters
-    (:mod:`boomctl.analysis.box.sampled`); its error is estimated at random points and multiplied by ten.
+    With a discrete-time controller the loop is that of :func:`boomctl.feedback_loop`: disturbances are held between
+    samples, and outputs are sampled.  It is approximated by a polynomial in the parameters
+    (:mod:`boomctl.analysis.box.sampled`); ten times the error estimated at random points is added to the upper bound.
 
     Parameters
     ----------
@@ -152,11 +151,11 @@ def worst_case(
     norm : {"hinf", "h2"}
         Largest singular value over frequency, or RMS of the outputs to white noise.  The H2 norm has no upper bound.
     rtol : float or None
-        Relative gap between the bounds at which the search stops.  If this takes too many cells, ten times and a hundred
-        times the gap are used.  If None, no upper bound is computed.
+        Relative gap between the bounds at which the search stops.  If that takes too many cells, a gap ten times, then a
+        hundred times as large is accepted.  If None, no upper bound is computed.
     max_cells : int
-        Approximate limit on the number of cells of parameters and frequencies at one level in a part of the box (most boxes
-        have one part).  The limit on cells of parameters alone, which take longer, is 1/150 of it.
+        Approximate limit on the number of cells at one level, if cells are boxes of parameters and frequency; 1/150 of it
+        for cells of parameters alone, which take longer.
     delay : float, optional
         Computation delay [s].  Requires a discrete-time controller.
     injection_points : str or sequence of str, optional
