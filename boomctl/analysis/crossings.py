@@ -17,7 +17,6 @@ from boomctl.lti.system import Lti, signal_scales
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
-_TOUCHING = 1e-6  # Largest distance from one of a gain that touches one without crossing it.
 _STEPS = 60  # Largest number of steps to a crossing; two to four are typical.
 
 
@@ -31,21 +30,16 @@ def real_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
     respond : function from frequencies (N,) to the sensitivity there (N,)
         May be more accurate than the matrices of ``S``.
     """
-    return _crossings(_axis_zeros(S, 1.0, 0.0), lambda omega: respond(omega).imag)[0]
+    return _crossings(_axis_zeros(S, 1.0, 0.0), lambda omega: respond(omega).imag)
 
 
 def unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
-    """Return the frequencies [rad/s] at which the modulus of the loop's response crosses or touches one, DC included."""
+    """Return the frequencies [rad/s] at which the modulus of the loop's response crosses one, DC included."""
 
     def height(omega: Array) -> Array:
         return respond(omega).real - 0.5
 
-    zeros = _axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0)
-    crossed, touched = _crossings(zeros, height)
-    if len(touched):
-        values = respond(touched)
-        touched = touched[np.abs(values.real - 0.5) <= _TOUCHING * np.abs(values) ** 2]
-    omega = np.concatenate([crossed, touched])
+    omega = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height)
     # With a gain of one at DC or at infinite frequency, crossings near it are due to rounding error.
     at_rest = abs(height(np.zeros(1))[0]) <= ALIKE
     if at_rest:
@@ -68,24 +62,19 @@ def _axis_zeros(S: Lti, sign: float, D: float) -> Array:
     return unit * zeros[np.abs(zeros) <= _FASTEST]
 
 
-def _crossings(zeros: Array, height: Callable[[Array], Array]) -> tuple[Array, Array]:
-    """Return the frequencies at which a height changes its sign, and frequencies of zeros at which it does not."""
+def _crossings(zeros: Array, height: Callable[[Array], Array]) -> Array:
+    """Return the frequencies near zeros at which a height changes its sign, by regula falsi between two zeros."""
     omega = zeros[np.abs(zeros.real) <= _OFF_AXIS * np.abs(zeros.imag)].imag
     omega = np.unique(omega[omega > 0.0])
     if not len(omega):
-        return omega, omega
+        return omega
     ends = np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]])
     values = height(ends)
     changed = values[1:] * values[:-1] < 0.0
-    brackets = [x[k:][: len(omega)][changed] for k in (0, 1) for x in (ends, values)]
-    return _roots(height, omega[changed], *brackets), omega[~changed]
-
-
-def _roots(function: Callable[[Array], Array], start: Array, a: Array, fa: Array, b: Array, fb: Array) -> Array:
-    """Return the zeros of a function by regula falsi, from initial values in brackets at whose ends the signs differ."""
-    new = result = start
-    for _ in range(_STEPS if len(start) else 0):
-        value = function(new)
+    (a, b), (fa, fb) = ((x[:-1][changed], x[1:][changed]) for x in (ends, values))
+    new = result = omega[changed]
+    for _ in range(_STEPS if len(new) else 0):
+        value = height(new)
         same = np.sign(value) == np.sign(fb)
         a, fa = np.where(same, a, b), np.where(same, 0.5 * fa, fb)  # Illinois: half the value of a retained end.
         b, fb, result = new, value, new

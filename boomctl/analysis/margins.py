@@ -15,11 +15,13 @@ poles leave the circle.  The least delay of all fractions is then refined by bis
 may overlook a range of delays narrower than the grid.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 from importlib import import_module
 from math import ceil, floor, inf, isfinite, isnan, log10, nan
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,8 +61,6 @@ _SEARCHED = 30  # Largest number of signals for an optimized scaling: it takes t
 _STEPS = 50  # Largest number of iterations of the optimization; a dozen is typical.
 _PARTS = 32  # Number of grid delays per sample.
 _OFFSET = 1e-6  # Distance of additional grid delays from a discontinuity, in samples.
-_BRACKET_RTOL = 1e-8  # Relative width of the last bracket.
-_HALVINGS = 40  # Largest number of bisections.
 # Frequencies relative to a crossing at which the sign of the gain's derivative is determined.
 _NEAR_CROSSING = np.array([1.0 - 1e-6, 1.0, 1.0 + 1e-6])
 _SAMPLES = 1000  # Whole samples after the first crossing at which poles outside the circle are counted.
@@ -184,11 +184,16 @@ class LoopMargin:
         S = self._sensitivity
         assert S is not None
         image = continuous_image(S)
-        gain = opened(image)
         limits = [*self.gain_margin_omega, self.phase_margin_omega, self.delay_margin_omega, self.disk_margin.omega]
-        poles = np.append(image.poles, [] if gain is None else gain.poles)
-        omega = np.append(omega_of_image(grid_of_loop(poles, places=DRAWN), S.dt), limits)
-        return smooth_curve(partial(_loop_response, S), np.unique(omega[np.isfinite(omega)]))
+        is_finite = abs(float(image.D[0, 0])) > SUMMED  # L at infinite frequency
+        poles = np.linalg.eigvals(image.A - image.B @ image.C / image.D[0, 0]) if is_finite else []  # of L
+        omega = np.append(omega_of_image(grid_of_loop(np.append(image.poles, poles), places=DRAWN), S.dt), limits)
+
+        def response(omega: Array) -> Array:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                return 1.0 - 1.0 / S.response(omega, quiet=True)[0, 0]
+
+        return smooth_curve(response, np.unique(omega[np.isfinite(omega)]))
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw the loop's Nyquist curve around the critical point, and its margins.
@@ -381,67 +386,62 @@ def margins(
         advice = sign_advice(P, K, delay)
         raise ValueError(f"The loop is not stable (pole at {at}): it has no margins. {advice}".rstrip())
     S = loop.sensitivity
-    m, total, rounding = len(loop.controls), len(S.D), _rounding(S)
+    m, total = len(loop.controls), len(S.D)
+    groups = range(m), range(m, total), range(total)
+    disks, rounding = disk_margins(S, [*([i] for i in range(total)), *groups])
     if (most := float(rounding.max(initial=0.0))) > CERTIFIED:
         text = f"rounding of the loop's matrices alone may change its response by {most:.1g} of its magnitude"
         warn_user(f"{text}; scale the states", MarginAccuracyWarning)
     loops = []
     for i, name in enumerate(loop.controls + loop.measurements):
-        further = least_further_delay(P, K, delay, i) if dt != 0.0 and P.dt == 0.0 else None
-        where = "control" if i < m else "measurement"
-        loops.append(_loop_margin(name, where, S.between([i], [i]), float(rounding[i]), further))
-    disks = _disks(S, [range(m), range(m, total), range(total)], rounding)
-    if dt != 0.0:
-        costs = [
-            f"from {of.alpha:.3g} to {now.alpha:.3g} at all {where}"
-            for where, now, of in zip(("controls", "measurements"), disks, _of_continuous(P, K), strict=False)
-            if now.alpha < of.alpha * _COSTLY
-        ]
-        if costs:
-            text = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
-            warn_user(text, MarginLossWarning)
+        where, own = "control" if i < m else "measurement", S.between([i], [i])
+        found = _loop_margin(name, where, own, disks[i], float(rounding[i]))
+        if dt != 0.0 and P.dt == 0.0:
+            further = _further_delay(P, K, delay, i)
+            found = replace(found, delay_margin=further[0], delay_margin_omega=further[1])
+        loops.append(found)
+    if dt != 0.0 and P.dt == 0.0:
+        with suppress(ValueError):  # The loop before sampling does not exist.
+            before = joined(P, continuous_image(K))
+            if (sides(before.system.poles, 0.0) < 0).all():
+                _warn_of_sampling(disks[total:], disk_margins(before.sensitivity, groups[:2])[0], dt, delay)
     original = (loop.plant, K) if P.dt == K.dt and not delay else (loop.system, None)
-    return Margins(tuple(loops), disks[0], disks[1], disks[2], original)
+    return Margins(tuple(loops), *disks[total:], original)
 
 
-def _of_continuous(P: Lti, K: Lti) -> list[DiskMargin]:
-    """Return the disk margins at all controls and at all measurements of the loop before sampling; empty without a loop.
+def _warn_of_sampling(disks: Sequence[DiskMargin], before: Sequence[DiskMargin], dt: float, delay: float) -> None:
+    """Warn of disk margins at all controls and at all measurements that are much smaller than before sampling."""
+    costs = [
+        f"from {of.alpha:.3g} to {now.alpha:.3g} at all {where}"
+        for where, now, of in zip(("controls", "measurements"), disks, before, strict=False)
+        if now.alpha < of.alpha * _COSTLY
+    ]
+    if costs:
+        text = f"sampling every {dt:g} s with a delay of {delay:g} s takes the disk margin {', and '.join(costs)}"
+        warn_user(text, MarginLossWarning)
 
-    The controller before sampling is the one whose Tustin discretization is ``K``.  The result is empty for a discrete plant,
-    a controller with a pole at ``z = -1``, and a loop that is not well-posed or not stable.
+
+def disk_margins(S: Lti, groups: Sequence[Sequence[int]]) -> tuple[list[DiskMargin], Array]:
+    """Return the disk margins of groups of signals from the sensitivity, and the rounding error of each signal's.
+
+    The rounding error is the largest change by rounding errors of the entries, at DC and resonances.
     """
-    try:
-        loop = joined(P, continuous_image(K)) if P.dt == 0.0 else None
-    except ValueError:
-        return []
-    if loop is None or (sides(loop.system.poles, 0.0) >= 0).any():
-        return []
-    S, m = loop.sensitivity, len(loop.controls)
-    return _disks(S, [range(m), range(m, len(S.D))], _rounding(S))
-
-
-def _rounding(S: Lti) -> Array:
-    """Return the largest change of each signal's sensitivity by rounding errors of the entries, at DC and resonances."""
     omega = np.append(0.0, least_damped(S.rates))
     size = np.abs(S.response(omega, quiet=True).diagonal()).max(axis=0)
-    off = [rounding_of(S.between([i], [i]), omega) for i in range(len(S.D))]
-    return np.array(off) / np.maximum(size, 1.0)
-
-
-def _disks(S: Lti, groups: Sequence[Sequence[int]], rounding: Array) -> list[DiskMargin]:
-    """Return the disk margins of groups of signals; ``rounding`` is the rounding error of each signal's sensitivity."""
+    rounding = np.array([rounding_of(S.between([i], [i]), omega) for i in range(len(S.D))]) / np.maximum(size, 1.0)
     grid = grid_of_loop(S.rates, S.nyquist, points=SEARCHED)
     G = S.response(grid, quiet=True) if len(S.D) > 1 else np.ones((1, 1, 1))
-    return [
-        _disk(S.between(rows, rows), float(rounding[list(rows)].max(initial=0.0)), G[np.ix_(rows, rows)])
+    disks = (
+        _disk(S.between(rows, rows), G[np.ix_(rows, rows)], float(rounding[list(rows)].max(initial=0.0)))
         for rows in groups
-    ]
+    )
+    return list(disks), rounding
 
 
-def _disk(S: Lti, rounding: float, G: Array | None = None) -> DiskMargin:
+def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     """Return the disk margin of a sensitivity; ``S - T = 2 S - 1``.
 
-    ``G`` is its response at some frequencies, if it has several signals.
+    ``G`` is its response at some frequencies.
 
     The largest singular value is convex in the logarithm of a diagonal scaling.  It is minimized over the frequencies at
     which it is largest; frequencies at which the optimized scaling yields a larger value are added, until there are none.
@@ -449,32 +449,26 @@ def _disk(S: Lti, rounding: float, G: Array | None = None) -> DiskMargin:
     rounding errors of the loop's matrices change the sensitivity by less than the certified accuracy of a norm.
     """
     n, eye = len(S.D), np.eye(len(S.D))
-    T = replace(S, C=2.0 * S.C, D=2.0 * S.D - eye)
-    log = np.zeros(0) if n == 1 or G is None else _leveled(G := 2.0 * G - eye[:, :, None])
-    best = norm = _scaled_norm(T, log)
-    if G is not None and 1 < n <= _SEARCHED:
+    T, G = replace(S, C=2.0 * S.C, D=2.0 * S.D - eye), 2.0 * G - eye[:, :, None]
+
+    def norm_of(log: Array) -> NormBounds:
+        d = np.exp(np.append(log, 0.0))
+        return matrices_norm(replace(T, B=T.B / d, C=d[:, None] * T.C, D=d[:, None] * T.D / d))
+
+    log = _leveled(G)
+    best = norm = norm_of(log)
+    if 1 < n <= _SEARCHED:
         G = G[:, :, np.argsort(-_scaled_values(log, G))[:_ACTIVE]]
         for _ in range(_ROUNDS):
             at = T.response(np.array([norm.peak_omega]), quiet=True) if isfinite(norm.peak_omega) else T.D[:, :, None]
             G = np.append(G, at, axis=2)
             log, reached = _least(G, log)
-            norm = _scaled_norm(T, log)
+            norm = norm_of(log)
             best = min(best, norm, key=lambda norm: norm.upper_bound)
             if norm.lower_bound <= reached * (1.0 + LEVEL):
                 break
     verified = best.verified and rounding <= CERTIFIED
     return DiskMargin(2.0 / max(best.upper_bound, 1.0), best.peak_omega, verified, best)
-
-
-def single_disk(S: Lti) -> DiskMargin:
-    """Return the disk margin of a loop of one signal from its sensitivity."""
-    return _disk(S, float(_rounding(S)[0]))
-
-
-def _scaled_norm(system: Lti, log: Array) -> NormBounds:
-    """Return the norm of a system with scaled outputs and inversely scaled inputs."""
-    d = np.exp(np.append(log, 0.0))
-    return matrices_norm(replace(system, B=system.B / d, C=d[:, None] * system.C, D=d[:, None] * system.D / d))
 
 
 def _leveled(G: Array) -> Array:
@@ -483,7 +477,7 @@ def _leveled(G: Array) -> Array:
     for _ in range(_SWEEPS):
         for i in range(len(G)):
             scaled = np.exp(log)[:, None] * size / np.exp(log)
-            row, column = (np.delete(x, i).max() for x in (scaled[i], scaled[:, i]))
+            row, column = (np.delete(x, i).max(initial=0.0) for x in (scaled[i], scaled[:, i]))
             if row > 0.0 and column > 0.0:
                 log[i] += 0.5 * np.log(column / row)
     return log[:-1] - log[-1]
@@ -539,91 +533,49 @@ def grid_of_loop(poles: Array, top: float = inf, **density: Any) -> Array:
     return resonance_grid(poles, size.min() / BEYOND, min(size.max() * BEYOND, top), also=[0.0], **density)
 
 
-def opened(S: Lti) -> Lti | None:
-    """Return ``L = 1 - 1/S``; None if ``S`` is zero at infinite frequency, so that ``L`` is infinite."""
-    d = float(S.D[0, 0])
-    if abs(d) <= SUMMED:
-        return None
-    return Lti(S.A - S.B @ S.C / d, S.B / d, S.C / d, np.array([[1.0 - 1.0 / d]]))
-
-
-def _loop_response(S: Lti, omega: Array) -> Array:
-    """Return ``L = 1 - 1/S``."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 1.0 - 1.0 / S.response(omega, quiet=True)[0, 0]
-
-
-def _loop_margin(signal: str, where: str, S: Lti, rounding: float, further: tuple[float, float] | None) -> LoopMargin:
+def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: float) -> LoopMargin:
     """Return the margins of the loop whose sensitivity is ``S = 1/(1 - L)``.
 
-    ``further`` is the delay margin of a sampled loop around a continuous plant, and its frequency.
+    Gain limits are ``1/L`` where ``L`` is real and positive.  Angles and delays are those from ``L`` to one at ``|L| = 1``.
     """
     image, dt = continuous_image(S), S.dt
-    gain = opened(image)
-    last = inf if gain is None else float(gain.D[0, 0])  # at infinite frequency of the image
+    direct = float(image.D[0, 0])
+    last = 1.0 - 1.0 / direct if abs(direct) > SUMMED else inf  # L at infinite frequency of the image
 
     def respond(omega: Array) -> Array:
         return S.response(omega_of_image(omega, dt), quiet=True)[0, 0]
 
-    low, high = _gain_limits(image, respond, last)
-    phase, delays = _phase_limits(image, respond, last, dt)
-    delay = min(delays, default=(inf, nan)) if further is None else further
-    low_omega, high_omega, phase_omega = omega_of_image([low[1], high[1], phase[1]], dt).tolist()
-    gains, omega = (low[0], high[0]), (low_omega, high_omega)
-    return LoopMargin(signal, where, gains, omega, phase[0], phase_omega, *delay, _disk(S, rounding), rounding, S)
-
-
-def _gain_limits(
-    S: Lti, respond: Callable[[Array], Array], last: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Return the gain limits with their frequencies: ``1/L`` at frequencies of real and positive ``L``."""
-    omega = np.append(0.0, real_crossings(S, respond))
-    values = respond(omega)
+    omega = np.append(0.0, real_crossings(image, respond))
     with np.errstate(divide="ignore", invalid="ignore"):
-        L = 1.0 - 1.0 / values
+        L = 1.0 - 1.0 / respond(omega)
         real = (np.abs(L.imag) < _REAL * np.abs(L)) & (L.real > _FAINTEST) & (L.real < 1.0 / _FAINTEST)
-    result = [*zip((1.0 / L.real[real]).tolist(), omega[real].tolist(), strict=True)]
+    gains = [*zip((1.0 / L.real[real]).tolist(), omega_of_image(omega[real], dt).tolist(), strict=True)]
     if _FAINTEST < last < inf:
-        result.append((1.0 / last, inf))
-    low = max((limit for limit in result if limit[0] < 1.0), key=lambda limit: limit[0], default=(0.0, nan))
-    high = min((limit for limit in result if limit[0] > 1.0), key=lambda limit: limit[0], default=(inf, nan))
-    return low, high
-
-
-def _phase_limits(
-    S: Lti, respond: Callable[[Array], Array], last: float, dt: float
-) -> tuple[tuple[float, float], list[tuple[float, float]]]:
-    """Return the smallest angle [degrees] from ``L`` to one at ``|L| = 1``, and the delays [s], with their frequencies.
-
-    For an image, the frequency of the angle is that in the image, and those of the delays are the loop's own.
-    """
-    omega = unit_crossings(S, respond)
-    angles, turning = np.angle(1.0 - 1.0 / respond(omega)).tolist(), omega_of_image(omega, dt).tolist()
-    phases = [(float(np.degrees(abs(angle))), at) for angle, at in zip(angles, omega.tolist(), strict=True)]
+        gains.append((1.0 / last, float(omega_of_image(inf, dt))))
+    low = max((limit for limit in gains if limit[0] < 1.0), key=itemgetter(0), default=(0.0, nan))
+    high = min((limit for limit in gains if limit[0] > 1.0), key=itemgetter(0), default=(inf, nan))
+    omega = unit_crossings(image, respond)
+    turns, omega = np.angle(1.0 - 1.0 / respond(omega)), omega_of_image(omega, dt)
+    phases = [*zip(np.degrees(np.abs(turns)).tolist(), omega.tolist(), strict=True)]
     # A delay has no effect at DC.
-    delays = [(angle % (2.0 * np.pi) / at, at) for angle, at in zip(angles, turning, strict=True) if at > 0.0]
+    delays = [
+        (turn % (2.0 * np.pi) / at, at) for turn, at in zip(turns.tolist(), omega.tolist(), strict=True) if at > 0.0
+    ]
     if abs(abs(last) - 1.0) <= ALIKE:
-        phases.append((float(np.degrees(abs(np.angle(last)))), inf))
+        phases.append((float(np.degrees(abs(np.angle(last)))), float(omega_of_image(inf, dt))))
     if abs(last) >= 1.0 - ALIKE:
         # Continuous: at some high frequency a delay shifts the phase by any angle. Discrete: for `P` poles of `L` outside the
         # unit circle, a stable loop has winding number `P` of `1 - L`; one sample of delay adds a real pole beyond z = -1.
         delays = [(0.0, inf)] if dt == 0.0 else [*delays, (dt, np.pi / dt)]
-    return min(phases, key=lambda limit: limit[0], default=(inf, nan)), delays
+    phase, delay = (min(limits, key=itemgetter(0), default=(inf, nan)) for limits in (phases, delays))
+    return LoopMargin(signal, where, *zip(low, high, strict=True), *phase, *delay, disk, rounding, S)
 
 
-def least_further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tuple[float, float]:
-    """Compute the least further delay [s] that makes a loop unstable, and its frequency [rad/s]; ``inf`` and NaN without.
+def _further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tuple[float, float]:
+    """Compute the least further delay [s] that makes a sampled loop unstable, and its frequency [rad/s].
 
-    Parameters
-    ----------
-    plant : Lti
-        Plant in continuous time.
-    controller : Lti
-        Controller in discrete time.
-    delay : float
-        Delay of all controls [s].
-    index : int
-        Index of the signal with the further delay, among the controls followed by the measurements.
+    ``index`` is that of the delayed signal, among the controls followed by the measurements.  Without a limit, the result is
+    ``inf`` and NaN.
     """
     dt, (m, p) = controller.dt, controller.D.shape
     ends = signals_of(controller, plant.input_labels, plant.output_labels, scales=plant.scales)
@@ -637,7 +589,25 @@ def least_further_delay(plant: Lti, controller: Lti, delay: float, index: int) -
         poles = loop.system.poles
         if (sides(poles, dt) >= 0).any():
             return 0.0, float(abs(np.angle(poles[np.argmax(np.abs(poles))])))
-        return _whole_samples(continuous_image(loop.sensitivity.between([index], [index])), dt)
+        S = continuous_image(loop.sensitivity.between([index], [index]))
+        if float(S.D[0, 0]) <= 0.5:  # the gain at z = -1 is one or more: one sample adds a pole beyond it
+            return 1.0, np.pi
+
+        def respond(omega: Array) -> Array:
+            return S.response(omega, quiet=True)[0, 0]
+
+        omega = unit_crossings(S, respond)
+        omega = omega[omega > 0.0]
+        if not len(omega):
+            return inf, nan
+        turn = omega_of_image(omega, dt) * dt
+        below, at_crossing, above = (1.0 - 1.0 / respond(np.outer(_NEAR_CROSSING, omega).ravel())).reshape(3, -1)
+        at_one, leaving = np.angle(at_crossing) % (2.0 * np.pi) / turn, np.sign(np.abs(below) - np.abs(above))
+        # With each further turn of a crossing, two poles leave the circle if the gain falls, and return if it rises.
+        samples = ceil(at_one.min()) + np.arange(_SAMPLES)
+        crossed = np.maximum(np.floor((samples[:, None] - at_one) * turn / (2.0 * np.pi)) + 1.0, 0.0)
+        outside = np.flatnonzero(crossed @ leaving > 0.0)
+        return (float(samples[outside[0]]), float(turn[np.argmin(at_one)])) if len(outside) else (inf, nan)
 
     jump = 1.0 - whole_samples(delay, dt)[1] / dt  # a control crosses the sample, and a feedthrough is discontinuous
     parts = np.unique(np.r_[np.arange(_PARTS) / _PARTS, np.array([jump - _OFFSET, jump + _OFFSET, -_OFFSET]) % 1.0])
@@ -647,35 +617,8 @@ def least_further_delay(plant: Lti, controller: Lti, delay: float, index: int) -
     if high == inf:
         return inf, nan
     low = max(high - float(parts[least] - parts[least - 1]) % 1.0, 0.0)
-    for _ in range(_HALVINGS):
-        if high - low <= _BRACKET_RTOL * high:
-            break
+    while high - low > ALIKE * max(high, _OFFSET):
         middle = 0.5 * (low + high)
         unstable = unstable_from(middle % 1.0)[0] <= floor(middle)
         low, high = (low, middle) if unstable else (middle, high)
-    return float(0.5 * (low + high) * dt), unstable_from(high % 1.0)[1] / dt
-
-
-def _whole_samples(S: Lti, dt: float) -> tuple[float, float]:
-    """Return the number of whole samples of delay that make a loop of one signal unstable, and the angle per sample.
-
-    ``S`` is the loop's sensitivity, mapped to continuous time.
-    """
-    if float(S.D[0, 0]) <= 0.5:  # the gain at z = -1 is one or more: one sample adds a pole beyond it
-        return 1.0, np.pi
-
-    def respond(omega: Array) -> Array:
-        return S.response(omega, quiet=True)[0, 0]
-
-    omega = unit_crossings(S, respond)
-    omega = omega[omega > 0.0]
-    if not len(omega):
-        return inf, nan
-    turn = omega_of_image(omega, dt) * dt
-    below, at_crossing, above = (1.0 - 1.0 / respond(np.outer(_NEAR_CROSSING, omega).ravel())).reshape(3, -1)
-    at_one, leaving = np.angle(at_crossing) % (2.0 * np.pi) / turn, np.sign(np.abs(below) - np.abs(above))
-    # With each further turn of a crossing, two poles leave the circle if the gain falls, and return if it rises.
-    samples = ceil(at_one.min()) + np.arange(_SAMPLES)
-    crossed = np.maximum(np.floor((samples[:, None] - at_one) * turn / (2.0 * np.pi)) + 1.0, 0.0)
-    outside = np.flatnonzero(crossed @ leaving > 0.0)
-    return (float(samples[outside[0]]), float(turn[np.argmin(at_one)])) if len(outside) else (inf, nan)
+    return high * dt, unstable_from(high % 1.0)[1] / dt

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.analysis.loops import joined, named_response, sign_advice, signals_of
-from boomctl.analysis.margins import DiskMargin, grid_of_loop, single_disk
+from boomctl.analysis.margins import DiskMargin, disk_margins, grid_of_loop
 from boomctl.analysis.sigma import looked_at, matrices
 from boomctl.arrays import Array
 from boomctl.checks import frequencies, no_signals, nonnegative, plain_array, whole
@@ -398,6 +398,6 @@ def nyquist(
         encirclements=unstable - closed,
         open_loop_unstable_poles=unstable,
         closed_loop_unstable_poles=closed,
-        disk_margin=single_disk(S) if len(signals) == 1 and not closed else None,
+        disk_margin=disk_margins(S, [[0]])[0][0] if len(signals) == 1 and not closed else None,
         _advice=sign_advice(P, K, delay) if closed and controller is not None else "",
     )

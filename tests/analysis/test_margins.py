@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl.analysis import margins
-from boomctl.exceptions import MarginAccuracyWarning
+from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from tests.analysis.loop_cases import SIGNALS, chain, radius, velocity_feedback
 from tests.profiles import examples
 
@@ -275,6 +275,18 @@ def test_margin_is_where_brute_force_loses_stability(kind, seed):
             assert all(stable(1.0, x * longest) for x in (0.1, 0.4, 0.8, 1.0 - 1e-3))
             if 0.0 < loop.delay_margin < 10.0 * (K.dt or 0.1):
                 assert not stable(1.0, loop.delay_margin * (1.0 + 1e-3))
+
+
+@pytest.mark.parametrize("gain", [1.2, 1.7])
+def test_delay_margin_of_sampled_integrator_in_closed_form(gain):
+    """With ``u = -gain y/h``, ``d`` late, the poles are the roots of ``z^2 - (1 - gain (1 - d/h)) z + gain d/h``."""
+    h = 0.5
+    K = control.ss([], [], [], [[-gain / h]], h, inputs="y", outputs="u")
+    with pytest.warns(MarginLossWarning, match="takes the disk margin from 2 to"):
+        found = margins(control.ss(0.0, 1.0, 1.0, 0.0, inputs="u", outputs="y"), K)
+    for loop in found.loops:
+        assert loop.delay_margin == pytest.approx(h / gain, rel=1e-8)
+        assert loop.delay_margin_omega == pytest.approx(np.arccos(1.0 - 0.5 * gain) / h, rel=1e-8)
 
 
 def test_discrete_gain_above_one_at_nyquist_allows_no_sample():
