@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.exceptions import BoomctlWarning
+from boomctl.printing import PART
 
 _FASTEST = 1e60  # rad/s; the fourth power of larger frequencies may overflow.
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
@@ -24,14 +25,13 @@ _SMALLEST, _LARGEST = 1e-100, 1e100
 _MOST_JOBS = 1000  # parallel jobs: far more than cores, fewer than joblib allows
 _FEW = 7  # Digits of a limit in a message.
 _INNER = {"boomctl", "contextlib", "functools"}  # packages whose calls are not the user's
-_SHOWN = 60  # Letters of a value in a message.
 _Kind = TypeVar("_Kind")
 
 
 def shown(value: object) -> str:
     """Return a value as text for a message, in one short line."""
     text = " ".join(repr(value).split())
-    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}..."
+    return text if len(text) <= PART else f"{text[:PART]}..."
 
 
 def warn_user(message: str, category: type[Warning] = BoomctlWarning) -> None:

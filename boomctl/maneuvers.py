@@ -30,7 +30,7 @@ _MOST_OPEN, _MOST_JUMPS = 2**13, 1000  # Largest number of intervals split at on
 # Allowed difference between a function and the integral of its derivative, relative to the range of the function. A resonance
 # amplifies it a thousand times, to the default tolerance of a motion.
 _BELONGING = 1e-11
-_ROUNDING = 16.0 * np.finfo(float).eps  # Rounding error of a user's function, relative to its largest value.
+_FUNCTION_ROUNDING = 16.0 * np.finfo(float).eps  # Rounding error of a user's function, relative to its largest value.
 
 
 class PrescribedMotion(ABC):
@@ -221,7 +221,7 @@ class HubProfile(PrescribedMotion):
             ended, slopes = function(high), rate(low[:, None] + width[:, None] * method.nodes)
             missed = ended - function(low) - width * (slopes @ method.weights)
             if not level:
-                floor = _ROUNDING * float(np.abs(ended).max() + edges[-1] * np.abs(slopes).max())
+                floor = _FUNCTION_ROUNDING * float(np.abs(ended).max() + edges[-1] * np.abs(slopes).max())
                 allowed = max(_BELONGING * float(np.ptp(ended)), floor)
             open_ = np.abs(missed) > max(allowed / (len(edges) * _SPLIT**level), floor)
             count = np.count_nonzero(open_)

@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from boomctl.files import json_text, prepared_folder, write_all
+from boomctl.lti.rounding import ALIKE
 from boomctl.printing import compact
 
-_ROUNDING = 1e-9  # what reports call "less than": nothing in them is measured or computed finer
 _MIME = {"svg": "image/svg+xml", "png": "image/png", "gif": "image/gif"}
 _STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;max-width:62rem;margin:2rem auto;padding:0 1rem;color:#1b1b1b}
@@ -187,8 +187,8 @@ def number(value: float, digits: int = 3) -> str:
     """Return a number with few digits, small and large ones with a power of ten; what is rounding is said to be so."""
     if not isfinite(value):
         return str(value)
-    if abs(value) < _ROUNDING:
-        return f"less than {power(_ROUNDING, 1)}"
+    if abs(value) < ALIKE:
+        return f"less than {power(ALIKE, 1)}"
     if 1e-3 <= abs(value) < 1e4:
         return f"{value:#.{digits}g}".rstrip(".").replace("-", "−")
     return power(value, digits)

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import DIGIT
 
 if TYPE_CHECKING:
     import casadi
-
-_ZERO = 1e-15  # entry of a matrix, over its largest, that is a rounded zero
 
 
 class Places(NamedTuple):
@@ -30,7 +29,7 @@ def lifted(matrices: Sequence[Array | float]) -> tuple[tuple[Places, ...], Array
         matrix = np.asarray(item, dtype=float)
         matrix = matrix.reshape(matrix.shape[0] if matrix.ndim else 1, -1)
         size = np.abs(matrix)
-        filled = size > _ZERO * size.max(initial=0.0)
+        filled = size > DIGIT * size.max(initial=0.0)
         places.append(Places(*matrix.shape, filled.tobytes()))
         entries.append(matrix.T[filled.T])
     return tuple(places), np.concatenate(entries)

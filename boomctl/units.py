@@ -9,8 +9,8 @@ HALVES = {"_sym": "the mean", "_anti": "half the difference"}
 """Suffixes of the signals of subsystems; the signal is root of two times the quantity named."""
 
 _RATES = ("", "/s", "/s^2")
-_SLOW, _FAST = 1e-4, 1e5  # Plausible lowest natural frequencies of a machine [Hz].
-_STIFFER = 1e-2  # A machine with a soft spring has further modes above this frequency [Hz].
+_LOWEST_HZ, _HIGHEST_HZ = 1e-4, 1e5  # Plausible lowest natural frequencies of a machine [Hz].
+_ELASTIC_HZ = 1e-2  # A machine with a soft spring has further modes above this frequency [Hz].
 
 
 def motion_unit(turns: bool, derivative: int) -> str:
@@ -42,7 +42,7 @@ def gain_unit(units: Mapping[str, str], inputs: Sequence[str], outputs: Sequence
 def warn_of_units(frequencies_hz: Array) -> None:
     """Warn of implausible natural frequencies (ascending), as from lengths in mm or moduli in GPa."""
     elastic = frequencies_hz[frequencies_hz > 0.0]
-    if len(elastic) and (elastic[0] > _FAST or (elastic[0] < _SLOW and elastic[-1] < _STIFFER)):
+    if len(elastic) and (elastic[0] > _HIGHEST_HZ or (elastic[0] < _LOWEST_HZ and elastic[-1] < _ELASTIC_HZ)):
         warn_user(
             f"the lowest eigenfrequency is {elastic[0]:.3g} Hz; expected SI units: lengths in m, masses in kg, stiffness in"
             " N/m, Young's modulus in Pa, density in kg/m^3"

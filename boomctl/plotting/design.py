@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from boomctl.synthesis.hinf.h_infinity import HInfinityResult
     from boomctl.tuning.result import TuneResult
 
-_SHOWN = 8  # loops drawn at most: those with the highest peaks
+_MOST_LOOPS = 8  # loops drawn at most: those with the highest peaks
 
 
 def plot_reduction(
@@ -126,7 +126,7 @@ def plot_tune(
     matplotlib Axes
     """
     with panels(ax, ("singular values",), (6.4, 4.2)) as (axes,):
-        for k, (name, curve) in enumerate(list(curves.items())[:_SHOWN]):
+        for k, (name, curve) in enumerate(list(curves.items())[:_MOST_LOOPS]):
             look = line_look(style, color=COLORS[k % len(COLORS)], label=name or "closed loop")
             curve.plot(axes, frequency_unit=frequency_unit, **look)
         whole = [p for p in result.certificate.active_peaks if p.channel.inputs is None and p.channel.outputs is None]

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from boomctl.analysis.transients import TimeResponse
 
 _STYLES = ("-", "--", ":", "-.")  # line styles, changed after each cycle of the colors
-_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # tick spacings of angles, which include 45, 90 and 180 degrees
+_ANGLE_STEPS = [1.0, 1.5, 3.0, 4.5, 9.0, 10.0]  # tick spacings of angles, which include 45, 90 and 180 degrees
 _DAMPINGS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5)  # damping ratios with a line
 _BETWEEN = 6  # interpolated points per computed point of a curve
 _LINES = 4  # lines of equal damping at most: labels of more would overlap
@@ -73,7 +73,7 @@ def plot_bode(result: "BodeResult", ax: Any = None, *, frequency_unit: str | Non
             upper.text(0.5, 1.02, said, transform=upper.transAxes, ha="center", va="bottom", fontweight="bold")
         upper.set_ylabel("magnitude")
         lower.set_ylabel("phase [deg]")
-        lower.yaxis.set_major_locator(MaxNLocator(6, steps=_STEPS))
+        lower.yaxis.set_major_locator(MaxNLocator(6, steps=_ANGLE_STEPS))
         few_labels(upper)
         few_labels(lower)
         legend(upper)

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 # suffixes of outputs with a separate panel, since their scales differ from those of others
 _SEPARATE_PANELS = {"_acceleration": "accelerations", "_moment": "moments", "_strain": "strains"}
-_ABOVE = 1.6  # Upper limit of the axis for requested controls, relative to the largest control.
+_HEADROOM = 1.6  # Upper limit of the axis for requested controls, relative to the largest control.
 
 
 def plot_loop(
@@ -102,7 +102,7 @@ def _draw(ax: Any, result: Any, kind: str, signals: dict[str, Any], style: dict[
             at = np.interp(hits, result.time, values)
             ax.plot(hits, at, "v", color=look["color"], markersize=4, label=label)
     if kind == "controls":  # Requested controls may be much larger.
-        size = _ABOVE * max((float(np.abs(values).max()) for values in signals.values()), default=0.0) or 1.0
+        size = _HEADROOM * max((float(np.abs(values).max()) for values in signals.values()), default=0.0) or 1.0
         ax.set_ylim(min(low, -size), max(high, size))
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 # smallest (unit circle and critical point) and largest half-width of the plotted square
 NARROW, WIDE = 1.7, 4.0
 MARGIN = 1.15  # half-width of the plotted square over the distance of the farthest margin
-_FLAT = 1e3  # gain of a disk margin above which the disk is drawn as a half-plane
+_HALF_PLANE_GAIN = 1e3  # gain of a disk margin above which the disk is drawn as a half-plane
 SHADE = "#f3d9c9"
 
 
@@ -67,7 +67,7 @@ def draw_critical(ax: Any, disk: "DiskMargin | None", *, outlined: Any = None) -
     """Draw the unit circle, the critical point, and the disk that a loop does not enter: shaded, or its edge in a color."""
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     across, up = np.cos(angle), np.sin(angle)
-    if disk is not None and disk.gain_margin < _FLAT:
+    if disk is not None and disk.gain_margin < _HALF_PLANE_GAIN:
         gain = disk.gain_margin
         middle, radius = -0.5 * (gain + 1.0 / gain), 0.5 * (gain - 1.0 / gain)
         if outlined is None:

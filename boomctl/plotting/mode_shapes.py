@@ -10,7 +10,7 @@ from boomctl.plotting.canvas import COLORS, common_legend, in_rows, legend, line
 if TYPE_CHECKING:
     from boomctl.structure.response.mode_shapes import BodyShape, ModeShapes
 
-_FLAT = 0.02  # width over length up to which a machine counts as a line, with a separate scale of its motion
+_LINE_WIDTH = 0.02  # width over length up to which a machine counts as a line, with a separate scale of its motion
 _SCALE = 0.15  # largest plotted motion of other machines, as a fraction of their size
 _ACROSS = "along the beam, drawn across"  # Axial motion, which is not visible along the line.
 _MOST_NAMED = 30  # largest number of labeled coordinates
@@ -33,7 +33,7 @@ def plot_mode_shapes(result: "ModeShapes", ax: Any = None, **style: Any) -> Arra
     """
     count = len(result.names)
     rests = np.vstack([line.points for line in result.bodies]) if result.bodies else np.zeros((0, 2))
-    flat = bool(len(rests)) and float(np.ptp(rests[:, 1])) <= _FLAT * float(np.ptp(rests[:, 0]))
+    flat = bool(len(rests)) and float(np.ptp(rests[:, 1])) <= _LINE_WIDTH * float(np.ptp(rests[:, 0]))
     columns, rows, divide = in_rows(count)
     below = flat or not len(rests)
     size = (6.4, 1.0 + 1.35 * count) if below else (3.0 * columns, 0.4 + 3.0 * rows)

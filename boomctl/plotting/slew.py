@@ -29,9 +29,9 @@ from boomctl.plotting.rotating_beam import mark_large
 
 _SHAPES = "osDPXph*d<>"
 _BANDS = 0.05, 0.25, 0.5, 0.75, 0.95  # quantiles drawn: median, quartiles, and the central 90 %
-_NEAR = 0.7  # fraction of a limit above which the limit is drawn
-_NOTHING = 1e-4  # Vibration that is drawn as zero [m].
-_AROUND = 0.01  # margin of the time axis on both sides, as a fraction, so that vertical steps are visible
+_CLOSE_TO = 0.7  # fraction of a limit above which the limit is drawn
+_LOWEST = 1e-4  # Vibration that is drawn as zero [m].
+_EDGES = 0.01  # margin of the time axis on both sides, as a fraction, so that vertical steps are visible
 
 
 def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
@@ -75,7 +75,7 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
         names = [
             labeled(*result._labels[kind]).replace(" [", "\n[") for kind, _, _ in curves
         ]  # Two lines fit the axes.
-        over_time(axes, names, _AROUND)
+        over_time(axes, names, _EDGES)
     return axes
 
 
@@ -97,14 +97,14 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     with panels(ax, ("torque",), (6.4, 2.6)) as (axes,):
         look = line_look(style)
         _draw_torque(axes, history, look)
-        axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit), xmargin=_AROUND)
+        axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit), xmargin=_EDGES)
         legend(axes)
     return axes
 
 
 def _draw_limit(ax: Any, limit: float | None, values: Any) -> bool:
     """Draw both signs of a limit where the curve comes near them, and return whether it does."""
-    levels = [] if limit is None else [level for level in (limit, -limit) if np.max(values / level) > _NEAR]
+    levels = [] if limit is None else [level for level in (limit, -limit) if np.max(values / level) > _CLOSE_TO]
     for level in levels:
         ax.axhline(level, color="0.45", linewidth=2.4, alpha=0.5, linestyle="--")
     return bool(levels)
@@ -197,14 +197,14 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
     for line, x in zip(lines, _separated([line.duration for line in lines]), strict=True):
         look = looks[line.name]
         low, planned, high = np.maximum(
-            [line.residual_vibration_low, line.residual_vibration, line.residual_vibration_high], _NOTHING
+            [line.residual_vibration_low, line.residual_vibration, line.residual_vibration_high], _LOWEST
         )
         ax.plot([x] * 3, sorted((low, planned, high)), color=look["color"], linewidth=0.8, zorder=1)
         for value, marker in ((low, "v"), (high, "^")):
             ax.plot(x, value, linestyle="none", marker=marker, color=look["color"], markersize=3.5)
         ax.plot(x, planned, linestyle="none", markersize=7, clip_on=False, label=line.name, zorder=3, **look)
     ax.set(yscale="log", xlabel="duration [s]")
-    ax.set_ylim(bottom=_NOTHING)
+    ax.set_ylim(bottom=_LOWEST)
     _vibration_ticks(ax)
     for marker, change in (("v", "−10 %"), ("^", "+10 %")):
         ax.plot([], [], linestyle="none", marker=marker, color="0.3", markersize=3.5, label=f"frequencies {change}")
@@ -214,15 +214,15 @@ def _draw_vibration(ax: Any, lines: tuple[Any, ...], looks: dict[str, Any]) -> N
 def _draw_loaded(ax: Any, comparison: Any, looks: dict[str, Any]) -> None:
     """Vibration over tip mass; less than 0.1 mm is drawn on the lower edge."""
     for line in comparison.rows:
-        left = np.maximum(line.vibrations, _NOTHING)
+        left = np.maximum(line.vibrations, _LOWEST)
         ax.plot(comparison.tip_masses, left, linewidth=0.8, markersize=5, clip_on=False, **looks[line.name])
     ax.set(yscale="log", xlabel="tip mass [kg]", title="Tip vibration afterwards [m]")
-    ax.set_ylim(bottom=_NOTHING)
+    ax.set_ylim(bottom=_LOWEST)
     _vibration_ticks(ax)
 
 
 def _vibration_ticks(ax: Any) -> None:
-    ticks = [tick for tick in (_NOTHING, 1e-3, 1e-2, 1e-1, 1.0, 10.0) if tick <= ax.get_ylim()[1]]
+    ticks = [tick for tick in (_LOWEST, 1e-3, 1e-2, 1e-1, 1.0, 10.0) if tick <= ax.get_ylim()[1]]
     ax.set_yticks(ticks, [r"$\leq 10^{-4}$", *(f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks[1:])])
 
 
@@ -272,7 +272,7 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
             item.set(ylabel=label, xmargin=0.0)
         axes[1].legend(loc="upper right", ncols=2)
         axes[2].set_xlabel("time [s]")
-        left = np.maximum(np.sort(study.residual_vibration), _NOTHING)
+        left = np.maximum(np.sort(study.residual_vibration), _LOWEST)
         fraction = np.arange(1, left.size + 1) / left.size
         axes[3].semilogx(np.append(left[0], left), np.append(0.0, fraction), **line_look(style, drawstyle="steps-post"))
         axes[3].set(ylim=(0.0, 1.02), ylabel="fraction of runs", xlabel="residual vibration [m]")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from boomctl.boom.tracks import Track
 
 # Doses at which the color changes: ±2, 5, 10 and 20 %, then coarser.
-_STEPS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
+_DOSES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0)
 _MORE = "#1a0a3c"
 
 
@@ -50,9 +50,9 @@ def plot_deposit(
     along, across = result.y_slice, result.x_slice
     begin = result.y_edges[along.start]
     end = result.y_edges[along.stop] if length is None else begin + positive("length", length)
-    colors = colormaps["RdBu"].resampled(len(_STEPS) - 1).with_extremes(over=_MORE)
-    look: dict[str, Any] = {"cmap": colors, "norm": BoundaryNorm(_STEPS, colors.N), "rasterized": True, **style}
-    options: dict[str, Any] = {"spacing": "uniform", "ticks": _STEPS, "extend": "max"} if "norm" not in style else {}
+    colors = colormaps["RdBu"].resampled(len(_DOSES) - 1).with_extremes(over=_MORE)
+    look: dict[str, Any] = {"cmap": colors, "norm": BoundaryNorm(_DOSES, colors.N), "rasterized": True, **style}
+    options: dict[str, Any] = {"spacing": "uniform", "ticks": _DOSES, "extend": "max"} if "norm" not in style else {}
     with panels(ax, ("deposit",), (9.0, 2.95)) as (axes,):
         drawn = axes.pcolormesh(result.y_edges, result.x_edges, result.deposit, **look)
         axes.set(xlim=(begin, end), ylim=(result.x_edges[across.start], result.x_edges[across.stop]))
@@ -61,7 +61,7 @@ def plot_deposit(
         axes.set(xlabel="along the drive [m]  (boom moves to the right)", ylabel="along boom [m]")
         bar = axes.figure.colorbar(drawn, ax=axes, aspect=20, **options)
         if options:
-            bar.ax.set_yticklabels([f"{step:g}" for step in _STEPS])
+            bar.ax.set_yticklabels([f"{step:g}" for step in _DOSES])
         bar.set_label("deposit over nominal" + ("" if "cmap" in style else "\n(red: too little, blue: too much)"))
     return axes
 

@@ -14,7 +14,7 @@ import numpy as np
 from boomctl.arrays import Array
 
 _COLUMNS = 8  # of the extrapolation: order 16
-_TERMS = 22  # of the series of exp(X) with |X| <= 1/8: what follows is below 1e-40
+_SERIES_TERMS = 22  # of the series of exp(X) with |X| <= 1/8: what follows is below 1e-40
 
 
 def extrapolated_step(rate: Callable[[Any, Any], Any], x: Any, t: Any, h: Any, columns: int = _COLUMNS) -> Any:
@@ -46,7 +46,7 @@ def extended_maps(A: Array, B: Array, h: float) -> tuple[Array, Array, Array]:
     small = big / np.longdouble(2.0) ** halvings
     total = np.eye(len(big), dtype=np.longdouble)
     term = total.copy()
-    for k in range(1, _TERMS):
+    for k in range(1, _SERIES_TERMS):
         term = term @ small / np.longdouble(k)
         total = total + term
     for _ in range(halvings):

@@ -28,7 +28,7 @@ from boomctl.lab.benchmark.scene import Scene, Setting
 _CHANGES = 1e-9, 1e-6  # least and largest relative change of a parameter: new to every cache, the same problem
 _GOLDEN = (sqrt(5.0) - 1.0) / 2.0  # its multiples modulo one are all different and spread evenly
 _MOST_CALLS = 200  # hot calls in a process: the median of so many lies within a few per cent
-_LONG = 20.0  # s of a first call that is also the later one: what only a first call does is a small part of it
+_LONG_CALL = 20.0  # s of a first call that is also the later one: what only a first call does is a small part of it
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _KIBIBYTE = 1024.0  # bytes: unit of the resident memory that Linux reports
 _STATUS = Path("/proc/self/status")  # has the largest one since the program began; getrusage: with that of its parent
@@ -122,7 +122,7 @@ def main(location: str, index: str, duration: str, stored: str) -> None:
     gc.collect()
     try:
         answer, *cold = _timed(setting, problem, 0.0)
-        hot = [cold] if cold[0] > _LONG else []
+        hot = [cold] if cold[0] > _LONG_CALL else []
         while not hot or (sum(turn[0] for turn in hot) < float(duration) and len(hot) < _MOST_CALLS):
             low, high = _CHANGES
             hot.append(_timed(setting, problem, low + (high - low) * ((len(hot) + 1) * _GOLDEN % 1.0))[1:])

@@ -10,8 +10,8 @@ import pytest
 from boomctl.boom import BoomParameters, exact_eigenfrequencies_hz, spray_boom
 from boomctl.boom.published import MEASURED_HZ
 from boomctl.lab.papers.anthonis_ramon import friction, report, updating
-from boomctl.lab.papers.anthonis_ramon.figures import table_1
 from boomctl.lab.papers.anthonis_ramon.friction import BoomFriction, friction_study, matched_force
+from boomctl.lab.papers.anthonis_ramon.report import table_1
 from boomctl.lab.papers.anthonis_ramon.updating import BoomUpdating, updating_study
 from boomctl.structure import split_symmetric
 from tests.command import boomctl

@@ -29,22 +29,22 @@ from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
 from boomctl.structure.model import SecondOrderModel
 
-_FINITE, _ORDERS = (6, 10, 20, 50, 100, 190), (4, 6, 8, 10, 12, 14)  # elements, and orders of high-order elements
+_FINITE, _DEGREES = (6, 10, 20, 50, 100, 190), (4, 6, 8, 10, 12, 14)  # elements, and orders of high-order elements
 _PEERS = (6, 10, 20, 50, 100)  # elements of other programs
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
-_DURATION, _STEP = 60.0, 0.01  # s, of the bumps and between samples
-_FIRST, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
+_DURATION, _DT = 60.0, 0.01  # s, of the bumps and between samples
+_BEGIN, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
 _EDGES, _HEIGHT = np.array([0.0, 0.5, 1.5, 2.0]), 0.1  # s, m: corners of a bump, and its height
-_SAME = 1e-8  # Error of the reference, below which errors count as equal.
+_EQUAL = 1e-8  # Error of the reference, below which errors count as equal.
 _REDUCED = 100  # elements of the boom that is reduced
-_SIZES, _ORDER = (20, 50, 100), 10  # elements at which run times are compared, and order of the models reduced there
+_MESHES, _DEGREE = (20, 50, 100), 10  # elements at which run times are compared, and order of the models reduced there
 _PLAIN = "Other programs are given the same cubic elements by a plain NumPy code, which is timed with them."
 
 _Solve = Callable[[Any], Any]
 
 
 def _ours(
-    solve: _Solve, finite: tuple[int, ...] = _FINITE, orders: tuple[int, ...] = _ORDERS, verified: bool = False
+    solve: _Solve, finite: tuple[int, ...] = _FINITE, orders: tuple[int, ...] = _DEGREES, verified: bool = False
 ) -> Iterator[Setting]:
     """Yield the settings of this package's meshes; ``solve`` takes the model to the answer."""
 
@@ -90,8 +90,8 @@ def boom_sigma() -> Scene:
             *_others("python-control", _PEERS, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
             *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: banded_sigma(boom, _OMEGA)),
             *sized(
-                _ours(lambda model: sigma(model, _OMEGA).sigma, _SIZES, ()),
-                _others("python-control", _SIZES, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
+                _ours(lambda model: sigma(model, _OMEGA).sigma, _MESHES, ()),
+                _others("python-control", _MESHES, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
             ),
         ),
         remarks=(_PLAIN,),
@@ -121,7 +121,7 @@ def boom_peak() -> Scene:
             *_ours(peak, verified=True),
             *_others("control.linfnorm", _PEERS, by_control, "slycot"),
             *_others("pyMOR, hinf_norm", _PEERS[:4], pymor_norm, "pymor", "slycot"),
-            *sized(_ours(peak, _SIZES, ()), _others("control.linfnorm", _SIZES, by_control, "slycot")),
+            *sized(_ours(peak, _MESHES, ()), _others("control.linfnorm", _MESHES, by_control, "slycot")),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
     )
@@ -129,8 +129,8 @@ def boom_peak() -> Scene:
 
 def wheels() -> tuple[Array, Array]:
     """Return samples [s] and the motion of both actuators [m] over bumps with straight flanks, shape (2, samples)."""
-    time = np.arange(round(_DURATION / _STEP) + 1) * _STEP
-    corners = (_FIRST + _EVERY * np.arange(_BUMPS)[:, None] + _EDGES).ravel()
+    time = np.arange(round(_DURATION / _DT) + 1) * _DT
+    corners = (_BEGIN + _EVERY * np.arange(_BUMPS)[:, None] + _EDGES).ravel()
     heights = np.tile([0.0, _HEIGHT, _HEIGHT, 0.0], _BUMPS)
     return time, np.array([np.interp(time, corners + shift, heights) for shift in (0.0, _SHIFT)])
 
@@ -160,17 +160,17 @@ def boom_time() -> Scene:
     return Scene(
         title="Motion of the boom's tips over a minute",
         question="From the boom's parameters and 6,001 samples of the actuators' motion over bumps to that of both tips.",
-        measure=f"Largest error over the largest motion, against 8 high-order elements; at least {_SAME:g}.",
+        measure=f"Largest error over the largest motion, against 8 high-order elements; at least {_EQUAL:g}.",
         problem=BoomParameters,
         reference=lambda p: exact_motion(p, time, motion),
-        error=relative_error(_SAME),
+        error=relative_error(_EQUAL),
         methods=(
             *(s for rtol, n, k in sizes for s in _ours(ours(rtol), n, k)),
             *_others("control.forced_response", _PEERS, by_control),
             *_others("scipy.signal.lsim", _PEERS, lambda boom: lsim(boom, time, motion)),
             *sized(
-                _ours(ours(1e-4), _SIZES, ()),
-                _others("scipy.signal.lsim", _SIZES, lambda boom: lsim(boom, time, motion)),
+                _ours(ours(1e-4), _MESHES, ()),
+                _others("scipy.signal.lsim", _MESHES, lambda boom: lsim(boom, time, motion)),
             ),
         ),
         remarks=(_PLAIN, "Mesh and accuracy of ours are set together: a fine mesh is given a tight accuracy."),
@@ -190,7 +190,7 @@ def boom_reduction() -> Scene:
         return control.balred(full(p, change, elements).to_statespace(), order)
 
     orders = [(_REDUCED, order) for order in (4, 6, 8, 10, 14, 20, 30)]
-    meshes = [(elements, _ORDER) for elements in _SIZES]
+    meshes = [(elements, _DEGREE) for elements in _MESHES]
     return Scene(
         title=f"The boom of {_REDUCED} elements reduced",
         question=f"From the boom's parameters, by {_REDUCED} finite elements, to a small system, actuators to tips.",

@@ -17,7 +17,7 @@ from boomctl.lab.benchmark.scene import Scene, settings, sized
 STEP, _SAMPLES, _FITTED = 1.0 / 1024.0, 8523, 6000  # s; of the steel subframe in DaISy, whose twin this is
 BAND = (5.0, 490.0)  # Hz
 _TOP = 502.0  # Hz, of the shaking: what filters of a shaker leave below half the sampling rate
-_MODES, _ABOVE = 16, (600.0, 750.0)  # In the band; frequencies of modes above it [Hz].
+_INSIDE, _BEYOND = 16, (600.0, 750.0)  # In the band; frequencies of modes above it [Hz].
 _ERRORS, _OUTPUTS = 0.03, 28  # of each output's RMS; accelerometers
 
 
@@ -25,7 +25,7 @@ _ERRORS, _OUTPUTS = 0.03, 28  # of each output's RMS; accelerometers
 def frame_record(outputs: int) -> tuple[Array, Array, Array]:
     """Return inputs of two shakers, accelerations with errors, and the poles in the band [rad/s]; two differ by 1 %."""
     rng = np.random.default_rng(0)
-    hz = np.r_[np.sort(rng.uniform(20.0, 470.0, _MODES)), _ABOVE]
+    hz = np.r_[np.sort(rng.uniform(20.0, 470.0, _INSIDE)), _BEYOND]
     hz[5] = 1.01 * hz[4]
     damping = 10.0 ** rng.uniform(-2.8, -1.7, len(hz))
     poles = 2.0 * np.pi * hz * (-damping + 1j * np.sqrt(1.0 - damping**2))
@@ -34,7 +34,7 @@ def frame_record(outputs: int) -> tuple[Array, Array, Array]:
     U = np.fft.rfft(rng.standard_normal((2 * _SAMPLES, 2)), axis=0) * (s.imag < 2.0 * np.pi * _TOP)
     modal = s**2 / ((s - poles) * (s - poles.conj()))
     u, y = (np.fft.irfft(item, axis=0)[_SAMPLES:] for item in (U, (modal * (U @ b.T)) @ c))
-    return u, y + _ERRORS * y.std(axis=0) * rng.standard_normal(y.shape), poles[np.argsort(poles[:_MODES].imag)]
+    return u, y + _ERRORS * y.std(axis=0) * rng.standard_normal(y.shape), poles[np.argsort(poles[:_INSIDE].imag)]
 
 
 def frequency_errors(hz: Array, true: Array) -> Array:
@@ -70,7 +70,7 @@ def identification() -> Scene:
     options: dict[str, Any] = {"modules": ("ctrlsys",)}
     return Scene(
         title=f"Modes of a steel frame from {_OUTPUTS} accelerometers",
-        question=f"From {_SAMPLES:,} simulated samples, errors of {100 * _ERRORS:g} % to {_MODES} modes to {BAND[1]:g} Hz.",
+        question=f"From {_SAMPLES:,} simulated samples, errors of {100 * _ERRORS:g} % to {_INSIDE} modes to {BAND[1]:g} Hz.",
         measure="Largest relative error of a frequency, one pole for each mode; 1 where none is left for it.",
         problem=lambda: frame_record(_OUTPUTS),
         reference=lambda problem: problem[2].imag / (2.0 * np.pi),

@@ -26,9 +26,9 @@ from boomctl.simulation.loop import simulate_loop
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modes import undamped_modes
 
-_STEP, _END = 1e-3, 1.0  # s: between samples, and of the motion; run times are proportional to it
-_TIME = np.linspace(0.0, _END, round(_END / _STEP) + 1)
-_MODES, _FORCE = 20, 0.25  # of the boom's plant; limit of the forces [N], so small that it is met
+_DT, _END = 1e-3, 1.0  # s: between samples, and of the motion; run times are proportional to it
+_TIME = np.linspace(0.0, _END, round(_END / _DT) + 1)
+_BOOM_MODES, _FORCE = 20, 0.25  # of the boom's plant; limit of the forces [N], so small that it is met
 _STROKES, _FORCES = ("stroke_left", "stroke_right"), ("suspension_left", "suspension_right")
 _GAINS, _ANGLE, _TORQUE = (-150.0, -250.0), 0.5, 60.0  # N m/rad, N m s/rad; rad; N m
 _BEAM_MODES, _TIP_MASS = 5, 0.1  # of SFOAM; kg
@@ -141,7 +141,7 @@ class BoomLoop:
     motion: Array
 
     @classmethod
-    def of(cls, change: float = 0.0, modes: int = _MODES) -> "BoomLoop":
+    def of(cls, change: float = 0.0, modes: int = _BOOM_MODES) -> "BoomLoop":
         """Return the loop of a boom with other springs."""
         model = spray_boom(varied(BoomParameters(), change), elements=20)
         _, shapes = undamped_modes(model.structure, modes)
@@ -162,22 +162,22 @@ class BoomLoop:
     def loop(self) -> Loop:
         """The loop as others solve it."""
         P, W = self.plant, self.motion
-        driven, rates = P.B[:, self.indices(_FORCES, inputs=True)], np.diff(W, axis=1) / _STEP
+        driven, rates = P.B[:, self.indices(_FORCES, inputs=True)], np.diff(W, axis=1) / _DT
         strokes, tips = self.indices(_STROKES), self.indices(TIPS)
 
         def rate(t: float, x: Array, u: Array) -> Array:
-            k = min(int(t / _STEP + 1e-6), len(_TIME) - 2)
+            k = min(int(t / _DT + 1e-6), len(_TIME) - 2)
             return P.A @ x + P.B @ (W[:, k] + rates[:, k] * (t - _TIME[k])) + driven @ u
 
         def read(k: int, x: Array) -> tuple[Array, Array]:
             y = P.C @ x + P.D @ W[:, k]
             return y[strokes], y[tips]
 
-        return Loop(rate, read, self.law.sample(_STEP, method="bilinear"), _FORCE, _TIME, P.nstates)
+        return Loop(rate, read, self.law.sample(_DT, method="bilinear"), _FORCE, _TIME, P.nstates)
 
     def exact(self) -> Array:
         """Return the tips by maps from sample to sample in extended precision."""
-        Phi, held, ramp = extended_maps(self.plant.A, self.plant.B, _STEP)
+        Phi, held, ramp = extended_maps(self.plant.A, self.plant.B, _DT)
         forcing = held @ self.motion[:, :-1] + ramp @ np.diff(self.motion, axis=1)
         driven = held[:, self.indices(_FORCES, inputs=True)]
         return self.loop.advanced(lambda k, x, u: Phi @ x + driven @ u + forcing[:, k], np.longdouble)
@@ -186,7 +186,7 @@ class BoomLoop:
         """Return the tips by this package."""
         wheels: dict[str, Array] = dict(zip(ACTUATORS, self.motion[self.indices(ACTUATORS, inputs=True)], strict=True))
         options: dict[str, Any] = {
-            "sample_time": _STEP,
+            "sample_time": _DT,
             "control_limit": limit,
             "anti_windup": False,
         }  # others have none
@@ -226,7 +226,7 @@ def boom_loop() -> Scene:
         reference=lambda problem: problem.exact(),
         error=relative_error(SUMMED),
         methods=(
-            *settings("simulate_loop", "exact", (_MODES,), ours, ours=True),
+            *settings("simulate_loop", "exact", (_BOOM_MODES,), ours, ours=True),
             *_peers(
                 lambda method, rtol, problem, change: BoomLoop.of(change).loop.restarted(method, rtol),
                 lambda method, rtol, problem, change: BoomLoop.of(change).responded(method, rtol),
@@ -253,8 +253,8 @@ def beam_law(dt: float = 0.0) -> control.StateSpace:
 def simulated(beam: AssumedModesBeam, time: Array, rtol: float) -> Array:
     """Return the tip's displacement by this package."""
     options: dict[str, Any] = {"control_limit": _TORQUE, "reference": {"hub_angle": np.full(time.size, _ANGLE)}}
-    options |= {"sample_time": _STEP, "rtol": rtol, "atol": 1e-2 * rtol}
-    return simulate_loop(beam, beam_law(_STEP), time, None, **options)["tip_displacement"][:, None]
+    options |= {"sample_time": _DT, "rtol": rtol, "atol": 1e-2 * rtol}
+    return simulate_loop(beam, beam_law(_DT), time, None, **options)["tip_displacement"][:, None]
 
 
 def loop_of(beam: AssumedModesBeam, time: Array) -> Loop:
@@ -267,7 +267,7 @@ def loop_of(beam: AssumedModesBeam, time: Array) -> Loop:
     def read(k: int, x: Array) -> tuple[Array, Array]:
         return np.array([x[0] - _ANGLE, x[size]]), np.array([row @ x[1:size]])
 
-    return Loop(rate, read, beam_law(_STEP), _TORQUE, time, 2 * size)
+    return Loop(rate, read, beam_law(_DT), _TORQUE, time, 2 * size)
 
 
 def beam_reference(beam: AssumedModesBeam, time: Array) -> Array:
@@ -276,7 +276,7 @@ def beam_reference(beam: AssumedModesBeam, time: Array) -> Array:
 
     f, n = beam.to_casadi(), 2 * beam.equations.size
     x, u = ca.SX.sym("x", n), ca.SX.sym("u")
-    step = ca.Function("step", [x, u], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, _STEP)])
+    step = ca.Function("step", [x, u], [extrapolated_step(lambda a, _: f(a, u)[0], x, 0.0, _DT)])
     return loop_of(beam, time).advanced(lambda k, x, u: np.array(step(x, u)).ravel())
 
 

@@ -21,10 +21,10 @@ from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.slew.optimal import optimal_slew
 from boomctl.slew.torque import TorqueProfile, held
 
-_ANGLE, _LIMIT, _MODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
+_ANGLE, _LIMIT, _NMODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
 _DURATION, _GUESS = 3.0, 3.5  # s: of the slew of least effort (the least time is 2.91 s); from which others begin
-_SIZES = (1, 2, 4)  # modes at which run times are compared
-_SAME = 1e-11  # Rounding error of the references, below which errors count as equal.
+_COUNTS = (1, 2, 4)  # modes at which run times are compared
+_EQUAL = 1e-11  # Rounding error of the references, below which errors count as equal.
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
 _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-10}
 _PHASE = 1.0  # rad: of the highest mode in a step of the replay; order 16 leaves 1e-15 of that
@@ -98,7 +98,7 @@ def _rk4(f: Callable[[Any], Any], x: Any, h: Any, steps: int) -> Any:
     return x
 
 
-def slew_of(change: float = 0.0, modes: int = _MODES, duration: float = _DURATION) -> Slew:
+def slew_of(change: float = 0.0, modes: int = _NMODES, duration: float = _DURATION) -> Slew:
     """Return the slew of a machine that is a little changed."""
     return Slew(AssumedModesBeam(machine(change), "sfoam", modes), _ANGLE, _LIMIT, duration)
 
@@ -114,14 +114,14 @@ def _scene(
 
     def error(problem: Any, least: float, answer: TorqueProfile) -> float:
         reached = answer.duration if what == "time" else answer.effort
-        return max(abs(reached / least - 1.0), end_error(slew_of(), answer), _SAME)
+        return max(abs(reached / least - 1.0), end_error(slew_of(), answer), _EQUAL)
 
     steps = {"Opti, RK4": 1, "Opti, 4 steps of RK4": 4}
-    meshes = {method: [(n, count, _MODES) for n in (50, 100, 200, 400)] for method, count in steps.items()}
-    sizes = [(100, 4, modes) for modes in _SIZES]
+    meshes = {method: [(n, count, _NMODES) for n in (50, 100, 200, 400)] for method, count in steps.items()}
+    sizes = [(100, 4, modes) for modes in _COUNTS]
     return Scene(
         title=title,
-        question=f"From the beam's parameters to the torque of least {what} within {_LIMIT:g} N m; SFOAM, {_MODES} modes.",
+        question=f"From the beam's parameters to the torque of least {what} within {_LIMIT:g} N m; SFOAM, {_NMODES} modes.",
         measure=(
             f"The larger of the relative distance of the {what} from the least one and of the error of the end in a replay"
             f" to rounding: hub angle [rad], hub speed [rad/s] or tip [m]. The least {what} is that of {least}."
@@ -147,7 +147,7 @@ def slew_time() -> Scene:
     def ours(rtol: float, modes: int, problem: Any, change: float) -> TorqueProfile:
         return optimal_slew(slew_of(change, modes).beam, _ANGLE, _LIMIT, rtol=rtol).torque_profile
 
-    cases, sizes = [(rtol, _MODES) for rtol in (1e-3, 1e-6, 1e-9)], [(1e-3, modes) for modes in _SIZES]
+    cases, sizes = [(rtol, _NMODES) for rtol in (1e-3, 1e-6, 1e-9)], [(1e-3, modes) for modes in _COUNTS]
     kind: dict[str, Any] = {"verified": True, "ours": True}
 
     return _scene(
@@ -170,7 +170,7 @@ def slew_effort() -> Scene:
         beam = slew_of(change, modes).beam
         return optimal_slew(beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals).torque_profile
 
-    cases, sizes = [(n, _MODES) for n in (30, 55, 110, 220, 420)], [(110, modes) for modes in _SIZES]
+    cases, sizes = [(n, _NMODES) for n in (30, 55, 110, 220, 420)], [(110, modes) for modes in _COUNTS]
     kind: dict[str, Any] = {"verified": True, "ours": True}
 
     return _scene(

@@ -30,14 +30,14 @@ from boomctl.tuning.tune import tune
 _NMEAS = _NCON = 2  # strokes measured, and forces
 _SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip", "stroke")
 _SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}  # m, N, m, m: what counts as one
-_REFERENCE, _FAST = 1e-9, 1e9  # tolerance of the design whose proved bound is the reference; rad/s, its fastest pole
-_SAME = 1e-7  # Error below which errors count as equal.
+_REFERENCE, _FASTEST = 1e-9, 1e9  # tolerance of the design whose proved bound is the reference; rad/s, its fastest pole
+_EQUAL = 1e-7  # Error below which errors count as equal.
 _START = 1000.0  # level from which slycot's bisection starts: a guess that is high enough
 _BEST = 1.2092993  # least level of this plant, as someone who knows it would tell slycot
 _PLANTS = Path(__file__).parents[1] / "plants.toml"
 _STARTS = 20  # of the search whose norms are the reference of tuning
-_LARGEST = 1e3  # entry of a gain
-_SIZES = (8, 16, 32)  # states of the suspension's plant at which run times are compared
+_MOST_GAIN = 1e3  # entry of a gain
+_STATES = (8, 16, 32)  # states of the suspension's plant at which run times are compared
 
 
 @cache
@@ -77,7 +77,7 @@ def excess(P: control.StateSpace, bound: float, K: control.StateSpace) -> float:
         return np.inf
     certified = hinf_norm(loop)
     norm = min(max(control.linfnorm(loop, tol=1e-10)[0], certified.lower_bound), certified.upper_bound)
-    return max(norm / bound - 1.0, _SAME)
+    return max(norm / bound - 1.0, _EQUAL)
 
 
 def h_infinity_scene() -> Scene:
@@ -99,15 +99,15 @@ def h_infinity_scene() -> Scene:
     def sized_slycot(states: int, P: control.StateSpace, change: float) -> control.StateSpace:
         return slycot(1, _START, 1e-3, suspension_plant(states), change)
 
-    cases = [*((tolerance, None) for tolerance in (0.1, 1e-2, 1e-3, 1e-4)), (1e-5, _FAST), (1e-7, _FAST)]
+    cases = [*((tolerance, None) for tolerance in (0.1, 1e-2, 1e-3, 1e-4)), (1e-5, _FASTEST), (1e-7, _FASTEST)]
     levels = [(4, _BEST * (1.0 + above), above) for above in (0.1, 1e-2, 1e-3, 1e-4)]
     searched = [(1, _START, gtol) for gtol in (1e-1, 1e-2, 1e-3, 1e-4, 1e-6)]
     return Scene(
         title="H-infinity synthesis, order 20",
         question="From the generalized plant of yaw and jolt suspension to a controller.",
-        measure=f"Norm of the loop over the proved bound that no controller beats, less one; at least {_SAME:.0e}.",
+        measure=f"Norm of the loop over the proved bound that no controller beats, less one; at least {_EQUAL:.0e}.",
         problem=suspension_plant,
-        reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FAST).certificate.lower_bound,
+        reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FASTEST).certificate.lower_bound,
         error=excess,
         methods=(
             *settings("h_infinity", "rtol {:g}", cases, ours, verified=True, ours=True),
@@ -115,13 +115,13 @@ def h_infinity_scene() -> Scene:
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
             *settings("slycot sb10ad, given the level", "{2:.2%} above the best", levels, slycot, modules=("slycot",)),
             *sized(
-                settings("h_infinity", "{} states", _SIZES, sized_ours, verified=True, ours=True),
-                settings("slycot sb10ad, bisection", "{} states", _SIZES, sized_slycot, modules=("slycot",)),
+                settings("h_infinity", "{} states", _STATES, sized_ours, verified=True, ours=True),
+                settings("slycot sb10ad, bisection", "{} states", _STATES, sized_slycot, modules=("slycot",)),
             ),
         ),
         remarks=(
             "Ours verifies the loop and proves how far from the best it is; slycot, given the level, computes only.",
-            f"slycot's bisection starts at {_START:g}. Tolerances of ours below 1e-4 are with fastest_pole={_FAST:g}.",
+            f"slycot's bisection starts at {_START:g}. Tolerances of ours below 1e-4 are with fastest_pole={_FASTEST:g}.",
         ),
     )
 
@@ -165,16 +165,16 @@ def tuning() -> Scene:
     return Scene(
         title="Gain minimizing the norm of two plants",
         question="From two published plants (COMPleib 1.1, HE1 and REA2) to a gain for each.",
-        measure=f"Norm of the loop over the least that twenty starts find, less one, the larger; at least {_SAME:.0e}.",
+        measure=f"Norm of the loop over the least that twenty starts find, less one, the larger; at least {_EQUAL:.0e}.",
         problem=published_plants,
         reference=lambda plants: norms(plants, ours(_STARTS, plants, 0.0, seed=1)),
-        error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, _SAME),
+        error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, _EQUAL),
         methods=(
             *settings("tune", "{} starts", (1, 2, 5, 10), ours, verified=True, ours=True),
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
             *sized(
-                settings("tune", "{} states", _SIZES, sized_ours, verified=True, ours=True),
-                settings("linfnorm, Nelder-Mead", "{} states", _SIZES, sized_theirs, modules=("slycot",)),
+                settings("tune", "{} states", _STATES, sized_ours, verified=True, ours=True),
+                settings("linfnorm, Nelder-Mead", "{} states", _STATES, sized_theirs, modules=("slycot",)),
             ),
         ),
     )
@@ -203,7 +203,7 @@ def simplex_gain(P: control.StateSpace, nmeas: int, ncon: int, n_starts: int) ->
         return 1e3 * (1.0 + abscissa) if abscissa >= 0.0 else float(control.linfnorm(loop)[0])
 
     rng, result = np.random.default_rng(0), []
-    options: dict[str, Any] = {"method": "Nelder-Mead", "bounds": [(-_LARGEST, _LARGEST)] * (ncon * nmeas)}
+    options: dict[str, Any] = {"method": "Nelder-Mead", "bounds": [(-_MOST_GAIN, _MOST_GAIN)] * (ncon * nmeas)}
     for _ in range(n_starts):
         result.append(minimize(value, rng.standard_normal(ncon * nmeas), **options))
     return min(result, key=lambda run: run.fun).x.reshape(ncon, nmeas)

@@ -32,7 +32,6 @@ AMPLITUDE = 5e-3  # displacement of each platform actuator [m]; the paper gives 
 POINTS = 26  # frequencies of the simulated sines, a third of them in the band
 _ELEMENTS = 20  # of the boom: its third frequency is then right to 1e-5
 _SPAN_HZ = (0.4, 6.0)  # drawn: from below the jolt's first resonance to above the end of the mismatch
-_NO_DAMPING = 1e-9  # share of the viscous damping that is left where friction takes its place, for a model wants some
 
 # name, viscous damping left and friction, as shares of what Table 2 has and of the force that matches it
 _READINGS = (
@@ -40,7 +39,7 @@ _READINGS = (
     ("in place of half the viscous damping", 0.5, 0.5),
     ("added to viscous damping", 1.0, 1.0),
 )
-_STEPS = 200  # per period of the simulated sine
+_DIVISIONS = 200  # per period of the simulated sine
 _PERIODS = 32  # simulated from the harmonic balance on; the fundamental is that of all but the first quarter
 
 
@@ -117,7 +116,7 @@ def stepped_sine(
     system = plant.to_statespace()
     A, B = np.asarray(system.A), np.asarray(system.B)
     acting = [system.input_labels.index(name) for name in (excitation, friction.force_input)]
-    phase = 2.0 * np.pi / _STEPS * np.arange(_PERIODS * _STEPS + 1)
+    phase = 2.0 * np.pi / _DIVISIONS * np.arange(_PERIODS * _DIVISIONS + 1)
     late = phase >= 0.5 * np.pi * _PERIODS
     window = np.hanning(late.sum())
     weights = 2.0 * window / window.sum() * np.exp(-1j * phase[late])
@@ -254,7 +253,7 @@ def friction_study(
     readings = []
     for name, viscous, fraction in _READINGS:
         law = CoulombFriction(fraction * force)
-        model = _jolt(replace(p, cradle_damping=max(viscous, _NO_DAMPING) * p.cradle_damping))
+        model = _jolt(replace(p, cradle_damping=viscous * p.cradle_damping))
         balance, stepped = (
             respond(model, law, grid, "actuator_sym", size, "tip_sym")
             for respond, grid in ((describing_function, omega), (stepped_sine, sines))

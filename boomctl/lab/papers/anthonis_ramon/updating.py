@@ -31,7 +31,7 @@ READINGS = (
 
 _ELEMENTS = 20  # finite ones: its frequencies are then those of the exact beam to 2e-4, at a tenth of the price
 STARTS = 2  # starts of each fit
-_STEP = 1e-4  # finite-difference step of log(parameter) for the derivative of the first frequency
+_LOG_STEP = 1e-4  # finite-difference step of log(parameter) for the derivative of the first frequency
 _ABOUT = (
     "No parameter of Table 2 was changed for the rest of this report. Here parameters are fitted to the measured row, to see"
     " what it says of them: 20 finite elements, whose frequencies are the exact ones to 0.02 %; errors of one relative size,"
@@ -88,8 +88,8 @@ def updating_study(parameters: BoomParameters | None = None) -> BoomUpdating:
     first = _first(others.parameters)
     slope = []
     for name, value in others.values.items():
-        up, down = (_first(replace(others.parameters, **{name: value * np.exp(s)})) for s in (_STEP, -_STEP))
-        slope.append((np.log(up) - np.log(down)) / (2.0 * _STEP * value))
+        up, down = (_first(replace(others.parameters, **{name: value * np.exp(s)})) for s in (_LOG_STEP, -_LOG_STEP))
+        slope.append((np.log(up) - np.log(down)) / (2.0 * _LOG_STEP * value))
     from scipy.special import stdtrit
 
     spread = float(stdtrit(others.dof, 0.975) * np.sqrt(np.array(slope) @ others.covariance @ np.array(slope)))

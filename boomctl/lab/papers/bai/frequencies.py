@@ -14,7 +14,7 @@ TWO_PI_OF_THE_PAPER = 6.28  # what makes all fifteen printed frequencies agree w
 LAST_DIGIT = 1.0e-4
 """One unit of the last digit of Table 2, Hz."""
 
-_MODES = 40  # clamped-free shapes converge slowly with a tip mass
+_SHAPES = 40  # clamped-free shapes converge slowly with a tip mass
 _WHERE = {"mass at the clamp, or none": 0.0, "0.1 kg at the tip": 0.1, "0.5 kg at the tip": 0.5}
 
 
@@ -23,7 +23,7 @@ def table_2() -> Part:
     slip = 2.0 * math.pi / TWO_PI_OF_THE_PAPER
     comparisons = []
     for (model, speed), values in FREQUENCIES_HZ.items():
-        beams = (hub_beam(HubBeamParameters(), model, modes) for modes in (_MODES, 5))
+        beams = (hub_beam(HubBeamParameters(), model, modes) for modes in (_SHAPES, 5))
         computed, few = (beam.eigenfrequencies_hz(speed) for beam in beams)
         row = f"{model.upper()}, {speed:g} rad/s" if speed else "natural frequency"
         for k, (printed, ours, ours_of_five) in enumerate(zip(values, computed, few, strict=False), 1):
@@ -74,7 +74,7 @@ def _critical_speed(mass: float, printed: float, computed: float) -> Comparison:
 
 def _critical(mass: float, position: float | None) -> float:
     p = HubBeamParameters(tip_mass=mass, tip_mass_position=position)
-    return float(hub_beam(p, "tlam", _MODES).divergence_speed())
+    return float(hub_beam(p, "tlam", _SHAPES).divergence_speed())
 
 
 def _smallest_eigenvalue(mass: float, speed: float) -> float:

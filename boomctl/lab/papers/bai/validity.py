@@ -14,7 +14,6 @@ TORQUES = (5.0, 11.0, 24.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 THRESHOLDS = (0.01, 0.05, 0.2)  # Errors of the tip displacement, relative to its peak.
 TIME = np.linspace(0.0, 30.0, 1501)  # [s]: 10 s of torque and 20 s of what it leaves
 MODES = 8  # with which the exact beam has converged, so that differences are those of the models
-_TICKS = (5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 400.0, 800.0)
 
 Errors = dict[str, dict[str, Array]]
 """By part of the motion and by model: largest error of the tip over the largest displacement, for each torque."""
@@ -84,7 +83,7 @@ def section(torques: Array, computed: Errors) -> Part:
             levels=tuple((threshold, f"{100 * threshold:g} %") for threshold in THRESHOLDS),
             ylim=(1e-5, 3.0),
             legend="lower right",
-            xticks=_TICKS,
+            xticks=tuple(torques),
         )
 
     caption = (
