@@ -47,6 +47,7 @@ SCENES = {
     "reduction": (f"print(bc.reduce({BOTH}, order=6))", BOOM | {"boomctl.synthesis"}),
     "lqg": (f"print(bc.lqg(bc.spray_boom(), None, 1e-4, {NOISE}, {COST}))", LOOP | {"scipy.optimize"}),
     "synthesis": ("bc.lqg, bc.h2, bc.h_infinity, bc.exceptions.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
+    "figure": ("bc.plotting.figure_of(bc.iso_track(length=50.0).plot)", {"matplotlib.pyplot"}),
     "beam": ("bc.hub_beam(modes=2).eigenfrequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
     "spin-up": ("bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
     "slew": (

@@ -19,7 +19,6 @@ from scipy import io
 
 import boomctl as bc
 from boomctl.exceptions import ReductionError, SynthesisError
-from boomctl.printing import sentence
 from tests.exact import Exact, dyadic
 from tests.fuzz import in_time
 from tests.profiles import is_hunt
@@ -245,7 +244,3 @@ def test_published_plant_is_certified_or_refused_in_time(name, case):
     for function in asked_of(plant):
         with in_time(LARGE_LIMIT if len(plant.A) >= LARGE_FROM else LIMIT):
             assert outcome(function, plant) in ("certified", "uncertified", "refused"), function
-
-
-def test_sentence_has_a_line_for_each_part_outside_parentheses():
-    assert sentence("Result", "one (a; b); two") == "Result: one (a; b)\n  two"

@@ -6,7 +6,6 @@ import functools
 import pickle
 import re
 import sys
-from pathlib import Path
 
 import control
 import numpy as np
@@ -94,7 +93,7 @@ def _parts(given, depth):
 
 
 @_parametrised(FACTORIES | {"SecondOrderModel, large": lambda: bc.spray_boom(elements=100)})
-def test_repr_is_short_for_results_and_attributes(make):
+def test_repr_is_short_and_names_in_brackets_are_offered(make):
     given = make()
     assert repr(given).startswith(type(given).__name__)
     for part in {id(part): part for part in [given, *_parts(given, depth=2)]}.values():
@@ -102,19 +101,13 @@ def test_repr_is_short_for_results_and_attributes(make):
         assert 1 <= len(lines) <= 5, type(part)
         assert max(map(len, lines)) <= 100, type(part)
         assert " object at 0x" not in repr(part)
+        if getattr(getattr(part, "__getitem__", None), "__module__", "").startswith("boomctl"):
+            offered = part._ipython_key_completions_()  # which IPython completes in brackets
+            assert offered
+            assert all(part[name] is not None for name in offered)
     if html := getattr(given, "_repr_html_", lambda: None)():
         assert html.startswith("<table>")
         assert html.count("<tr>") == html.count("</tr>") > 0
-
-
-@_parametrised(FACTORIES)
-def test_what_is_asked_by_name_offers_its_names(make):
-    """In brackets: IPython completes what it offers, and each is an answer."""
-    for part in _parts(make(), depth=2):
-        if getattr(getattr(part, "__getitem__", None), "__module__", "").startswith("boomctl"):
-            offered = part._ipython_key_completions_()
-            assert offered
-            assert all(part[name] is not None for name in offered)
 
 
 @pytest.mark.parametrize("package", [bc, bc.studies], ids=["boomctl", "studies"])
@@ -213,14 +206,6 @@ def test_a_copied_system_stands_alone():
     second = copy.deepcopy(first)
     first.A[0, 0] = -5.0
     assert second.dynamics(0.0, [1.0], [0.0]) == pytest.approx([-1.0])
-
-
-def test_control_imported_from_one_module():
-    package = Path(bc.__file__).parent
-    allowed = package / "lti" / "python_control.py"
-    for path in set(package.rglob("*.py")) - {allowed, *(package / "lab" / "benchmark").rglob("*.py")}:
-        text = re.sub(r"if TYPE_CHECKING:\n(?:(?: .*)?\n)+", "", path.read_text())
-        assert not re.search(r"^ *(import control$|from control import)", text, re.MULTILINE), path
 
 
 MADE_WHEN_READ = {

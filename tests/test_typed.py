@@ -97,10 +97,6 @@ def test_sub_packages_are_there_without_an_import_of_their_own():
     assert folders == {name for name in dir(boomctl) if (PACKAGE / name / "__init__.pyi").exists()}
 
 
-def test_the_package_says_that_it_is_typed():
-    assert (PACKAGE / "py.typed").exists()
-
-
 @pytest.mark.parametrize(
     ("keywords", "parameters"), [(BoomChanges, boomctl.BoomParameters), (HubBeamChanges, boomctl.HubBeamParameters)]
 )

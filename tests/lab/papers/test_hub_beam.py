@@ -64,15 +64,6 @@ def test_table_2_frequencies_need_printed_factor():
     assert first["FOAM, 1 rad/s, mode 1"] == pytest.approx(0.47111124, abs=5e-9)
 
 
-@pytest.mark.slow
-def test_critical_speeds():
-    section = hub_beam_frequencies.critical_speeds()
-    computed = [each.computed for each in section.comparisons]
-    assert computed == pytest.approx([2.910743, 2.604292, 1.936453], abs=2e-6)
-    assert [each.verdict for each in section.comparisons] == [MET, MET, NOT_REPRODUCIBLE]
-    assert section.claims[0].verdict == MET
-
-
 def test_neglected_terms_are_what_cfoam_has_beyond_foam():
     """Eq. (35) corrected, by quadrature of the mode shape: ``int rhoA [(q^T S q)^2/4 - f1 q1 q^T S q]``."""
     section = hub_beam_spin_up.neglected_terms()
@@ -96,36 +87,29 @@ def test_neglected_terms_are_what_cfoam_has_beyond_foam():
     assert section.claims[0].verdict == CORRECTED
 
 
-@pytest.mark.slow
-def test_spin_up_peaks():
-    section = hub_beam_spin_up.foam_and_tlam()
-    tlam, foam, ratio = section.comparisons
-    assert (tlam.computed, foam.computed) == pytest.approx((0.4792, 0.2044), abs=5e-5)
-    assert (tlam.verdict, foam.verdict, ratio.verdict) == (MET, MET, NOT_REPRODUCIBLE)
-    assert "0.2043" in foam.why
-    assert section.claims[0].verdict == MET
+NUMBERS = {
+    hub_beam_frequencies.critical_speeds: pytest.approx([2.910743, 2.604292, 1.936453], abs=2e-6),
+    hub_beam_spin_up.foam_and_tlam: pytest.approx([0.4792, 0.2044], abs=5e-5),
+    hub_beam_torque.inertia_torque: pytest.approx([6.42e-3, 4.93e-2, 3.40e-1, 1.954], rel=1.5e-3),
+}
+VERDICTS = {
+    hub_beam_frequencies.critical_speeds: [MET, MET, NOT_REPRODUCIBLE, MET],
+    hub_beam_spin_up.cfoam_and_foam: [MET],
+    hub_beam_spin_up.foam_and_tlam: [MET, MET, NOT_REPRODUCIBLE, MET],
+    hub_beam_spin_up.mode_by_mode: [NOT_REPRODUCIBLE, MET],
+    hub_beam_spin_up.tip_mass: [MET, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE],
+    hub_beam_torque.inertia_torque: [MET, MET, CORRECTED, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE],
+}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("part", "verdicts"),
-    [
-        (hub_beam_spin_up.cfoam_and_foam, [MET]),
-        (hub_beam_spin_up.mode_by_mode, [NOT_REPRODUCIBLE, MET]),
-        (hub_beam_spin_up.tip_mass, [MET, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]),
-    ],
-)
-def test_verdicts_of_spin_ups(part, verdicts):
+@pytest.mark.parametrize("part", VERDICTS, ids=lambda part: part.__name__)
+def test_numbers_and_verdicts_of_the_paper(part):
     found = part()
-    assert [each.verdict for each in (*found.comparisons, *found.claims)] == verdicts
-
-
-@pytest.mark.slow
-def test_table_three():
-    section = hub_beam_torque.inertia_torque()
-    computed = [each.computed for each in section.comparisons[:4]]
-    assert computed == pytest.approx([6.42e-3, 4.93e-2, 3.40e-1, 1.954], rel=1.5e-3)
-    assert [each.verdict for each in section.comparisons] == [MET, MET, CORRECTED, NOT_REPRODUCIBLE, NOT_REPRODUCIBLE]
+    verdicts = [each.verdict for each in (*found.comparisons, *found.claims)]
+    assert verdicts[: len(VERDICTS[part])] == VERDICTS[part]
+    if part in NUMBERS:
+        assert [each.computed for each in found.comparisons[: len(NUMBERS[part].expected)]] == NUMBERS[part]
 
 
 @pytest.mark.slow
