@@ -50,6 +50,8 @@ class FitCertificate:
     ndata : int
         Number of measured values, real and imaginary parts counted separately.  Chi-square treats their errors as
         independent, also at neighboring frequencies; if they are correlated, it scatters as that of fewer values.
+    errors_grow : bool
+        Whether residuals that are fitted as absolute grow with the response, as relative errors do.
     p_value : float
         p-value of the residuals if the model is right: of chi-square with ``error_std``, of the F test for lack of fit
         with data sets; ``nan`` otherwise.
@@ -65,6 +67,7 @@ class FitCertificate:
     residual_ratio: float
     p_value: float
     ndata: int
+    errors_grow: bool
 
     @property
     def certified(self) -> bool:
@@ -85,6 +88,8 @@ class FitCertificate:
     def adequacy(self) -> str:
         """Residual in percent of the data, and reduced chi-square where the errors are known."""
         text = f"relative residual {self.residual_percent:.2g} %"
+        if self.errors_grow:
+            text += "; errors grow with the response: use error_model='relative'"
         if np.isnan(self.residual_ratio):
             return text
         verdict = "" if self.fit_adequate else " (model inadequate)"
@@ -99,15 +104,10 @@ class FitCertificate:
     @property
     def checks(self) -> str:
         """Checks of the minimum."""
-        parts = [f"minimum {'certified' if self.certified else 'NOT certified'}"]
-        if np.isfinite(self.distance_to_minimum):
-            parts[0] += (
-                f" within {self.distance_to_minimum:.2g} standard errors"
-                if self.is_minimum
-                else f", offset {self.distance_to_minimum:.2g}"
-            )
+        offset = f"{self.distance_to_minimum:.2g} standard errors"
+        parts = [f"minimum {'certified' if self.certified else 'NOT certified'} within {offset}"]
         if not self.is_minimum:
-            parts.append("not a minimum of the sum of squares")
+            parts[0] = f"minimum NOT certified, offset {offset}: not a minimum of the sum of squares"
         parts.append(f"{self.n_agreeing_starts} of {count(self.n_starts, 'start')} agree")
         if self.alternatives:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in self.alternatives[0].items())

@@ -7,7 +7,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import instance, nonnegative, sequence, warn_user
-from boomctl.identification.free import changed
+from boomctl.identification.free import changed, function_of_parameters
 from boomctl.identification.intervals import confident, limits
 from boomctl.identification.modal.search import MOST_DAMPED
 from boomctl.structure.families import Family, PolynomialFamily, Slope
@@ -99,18 +99,14 @@ def paired_modes(result: Any, other: Any) -> dict[str, str]:
     return paired | {name: name for name in map(name_of_real_pole, range(both))}
 
 
-def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapping[str, Range]) -> Family:
+def of_fit(make: Any, parameters: Any, ranges: Mapping[str, Range]) -> Family:
     """Return the structures that a function makes of fitted parameters, over ranges of them."""
     if make is None:
         raise ValueError("model = None: expected a function, as that of the fit did not pickle")
-    if isinstance(make, Family):
-        family: Family = make
-        return PolynomialFamily.from_function(
-            ranges, lambda other: family.at(family.normalize({**values, **other})), 32
-        )
+    build = function_of_parameters(make)
 
     def at(values: Mapping[str, float]) -> Any:
-        return make(changed(parameters, values))
+        return build(changed(parameters, values))
 
     middle = at({})
     if hasattr(middle, "to_second_order") and hasattr(middle, "family"):  # a hub-beam
@@ -120,7 +116,7 @@ def of_fit(make: Any, parameters: Any, values: Mapping[str, float], ranges: Mapp
             f"model: expected a function that makes a SecondOrderModel or a hub-beam of the parameters, got one that makes"
             f" {type(middle).__name__}; say `model=` of the family"
         )
-    return PolynomialFamily.from_function(ranges, at)
+    return PolynomialFamily.from_function(ranges, at, 32)
 
 
 def of_modes(

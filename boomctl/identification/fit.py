@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import function_of, positive, whole
+from boomctl.checks import positive, whole
 from boomctl.exceptions import AccuracyWarning
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
-from boomctl.identification.free import FreeParameters
+from boomctl.identification.free import FreeParameters, function_of_parameters
 from boomctl.identification.identifiability import STEP, IdentifiedSubspace, differences, jacobian
 from boomctl.identification.intervals import Spread, confident, limits, of_residuals, of_sets
 from boomctl.identification.measured import BOUNDED, Measured, answered
@@ -154,12 +154,13 @@ def fit(
     -----
     Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
     ``uncertainty_source`` names the origin of the covariance: for several data sets their differences, so that the
-    intervals hold for the value in another data set; for a response the residuals with their correlation over frequency.
-    For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are assumed independent
-    and normal.  Without data sets, their standard deviations are assumed in the ratio of the inverse weights: relative errors
-    that are fitted as absolute, for example, get intervals that are too narrow.  An error of the model that all data sets
-    have in common does not widen the intervals: ``certificate.adequacy`` compares residuals with errors. Parameters that are
-    not identifiable have an infinite interval and are listed in ``unidentifiable``.
+    intervals hold for the value in another data set; for a response the residuals with their correlation over
+    frequency. For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are
+    assumed independent and normal. Without data sets, their standard deviations are assumed in the ratio of the inverse
+    weights: relative errors that are fitted as absolute get intervals that are too narrow, and ``certificate.adequacy``
+    states that errors grow. An error of the model that all data sets have in common does not widen the intervals:
+    ``certificate.adequacy`` compares residuals with errors. Parameters that are not identifiable have an infinite
+    interval and are listed in ``unidentifiable``.
 
     Examples
     --------
@@ -170,7 +171,7 @@ def fit(
     >>> round(found.values["stiffness"], 2), [round(end, 1) for end in found.intervals["stiffness"]]
     (50.53, [48.6, 52.6])
     """
-    make = _function(model)
+    make = function_of_parameters(model)
     measured = Measured.of(data, modes, weights, error_model, inputs, outputs)
     known_size = None if error_std is None else positive("error_std", error_std)
     confidence_level = confident("confidence_level", confidence_level)
@@ -239,6 +240,7 @@ def fit(
         residual_ratio=excess,
         p_value=chance if known_size is not None or np.isfinite(sure) else float("nan"),
         ndata=measured.size,
+        errors_grow=not exact and measured.growing(residuals, fitted),
     )
     scale = free_parameters.derivatives(x)
     covariance = coordinates * np.outer(scale, scale)
@@ -274,13 +276,6 @@ def fit(
         elapsed=clock.elapsed,
         model=model,
     )
-
-
-def _function(build: object) -> Callable[[Any], Any]:
-    """Return the function that makes a model of parameters."""
-    if isinstance(build, Family):
-        return lambda parameters: build.at(build.normalize(parameters))
-    return function_of("model", build, "the parameters, or a family")
 
 
 def _search(problem: _Problem, count: int, seed: int) -> list[tuple[float, Array, int]]:

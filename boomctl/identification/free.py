@@ -1,13 +1,13 @@
 """The free parameters of a fit: positive ones by their logarithms, others by shares of a range."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import known, mapping, names, real
+from boomctl.checks import function_of, known, mapping, names, real
 from boomctl.structure.families import Family, interval
 
 _AROUND = 2.0  # Factor up and down within which starts are drawn for a parameter without a range.
@@ -122,6 +122,13 @@ class FreeParameters:
 def changed(record: Any, values: Mapping[str, float]) -> Any:
     """Return a record of parameters, a dataclass or a mapping, with some changed."""
     return {**record, **values} if isinstance(record, dict) else replace(record, **values)
+
+
+def function_of_parameters(build: object) -> Callable[[Any], Any]:
+    """Return the function that makes a model of parameters."""
+    if isinstance(build, Family):
+        return lambda parameters: build.at(build.normalize(parameters))
+    return function_of("model", build, "the parameters, or a family")
 
 
 def _start(build: object, free: object, start: object) -> Any:

@@ -35,6 +35,8 @@ _LEFT_OUT = 1e3  # relative spread with which values that are left out are paire
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
 _MAX_RELATIVE_STD = 0.2  # Of a value with relative errors: of less sure ones the logarithm is not normal, and biased.
+_GROWING = 0.6  # rank correlation of residuals with fitted values: least of errors that are relative
+_SURE = 3.0  # deviations of a rank correlation, by which it exceeds chance
 _AROUND = 9  # Neighboring frequencies, whose median says whether a value is sure: single estimated deviations scatter.
 
 
@@ -211,6 +213,16 @@ class Measured:
                 dof = self.size * (1.0 - 1.0 / sets)
                 return within / dof, dof
         return (float("nan") if self.noise is None else float(np.square(self.noise[self.kept]).mean())), np.inf
+
+    def growing(self, differences: Array, fitted: Array) -> bool:
+        """Return whether absolute errors grow with the values: by Spearman's rank correlation, the mean over entries."""
+        lines, correlations = self.kept.reshape(-1, self.kept.shape[-1]), []
+        scaled = (np.abs(x).reshape(lines.shape) for x in (differences / self.spread, fitted))
+        for use, *pair in zip(lines, *scaled, strict=True):
+            if use.sum() > 2:
+                correlations.append(np.corrcoef([np.argsort(np.argsort(x[use])) for x in pair])[0, 1])
+        least = max(_GROWING, _SURE / np.sqrt(self.kept.sum()))
+        return self.errors == "absolute" and bool(np.mean(correlations or [0.0]) > least)
 
     def residuals(self, fitted: Array) -> Array:
         """Return the included differences over their spread, as real numbers."""

@@ -159,7 +159,7 @@ class FitResult(Summarized):
         [44.2, 57.8]
         """
         ranges = union(self, union_with, probability, range_margin)
-        return of_fit(self.model if model is None else model, self.parameters, self.values, ranges)
+        return of_fit(self.model if model is None else model, self.parameters, ranges)
 
     @property
     def _uncertain(self) -> tuple[dict[str, tuple[float, float, float]], dict[str, float]]:

@@ -100,3 +100,27 @@ def test_intervals_of_95_per_cent_hold_as_often(case):
 @pytest.mark.slow
 def test_intervals_as_independent_miss_correlated_errors():
     assert (held(correlated(150, 5), DAMPED, DAMPED, 100, error_std=0.05) < 0.8).all()
+
+
+def drawn_chain(rng, relative):
+    """Return a fit with absolute errors of one size, or with relative ones that are taken for absolute."""
+    truth = {name: value * np.exp(0.3 * rng.standard_normal()) for name, value in CHAIN.items()}
+    truth["c"] = 10.0 ** rng.uniform(-3.0, -1.0)
+    lines, width = int(rng.choice([15, 40, 150])), int(rng.choice([1, 1, 5]))
+    omega = np.geomspace(3.0, 60.0, lines)
+    exact = response(truth, omega)
+    e = signal.lfilter(np.full(width, width**-0.5), [1.0], rng.standard_normal((2, lines + width)), axis=1)[:, width:]
+    ends = np.log([0.02 * np.median(np.abs(exact)), 0.05 * np.abs(exact).max()])
+    size = 0.05 * np.abs(exact) if relative else np.exp(rng.uniform(*ends))
+    data, free = control.frd(exact + size * (e[0] + 1j * e[1]), omega), [*rng.choice(["k1", "k2", "k3"], 2, False), "c"]
+    return bc.fit(lambda p: response(p, omega), data, free, truth, n_starts=1, error_model="absolute")
+
+
+@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.slow)])
+def test_relative_errors_fitted_as_absolute_are_stated(count):
+    rng = np.random.default_rng(0)
+    stated = [[drawn_chain(rng, relative).certificate.errors_grow for relative in (False, True)] for _ in range(count)]
+    absolute, relative = np.mean(stated, axis=0)
+    assert absolute == 0.0
+    assert relative > 0.7
+    assert "use error_model='relative'" in drawn_chain(np.random.default_rng(0), True).certificate.adequacy

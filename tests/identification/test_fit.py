@@ -208,8 +208,11 @@ def test_fit_exact_data_gives_the_parameters(case):
 def test_a_family_is_fitted_within_its_box():
     family = bc.boom_family()
     measured = family.at(family.normalize({"spring_factor": 1.12, "mass_factor": 0.93})).eigenfrequencies_hz(5)
-    found = bc.fit(family, measured, n_starts=2)
+    found = bc.fit(family, measured, n_starts=2, error_std=0.01)
     assert recovered(found, {"spring_factor": 1.12, "mass_factor": 0.93}, ("spring_factor", "mass_factor"))
+    delta = {"spring_factor": 1.1, "mass_factor": 0.95}
+    there = [box.at(box.normalize(delta)).eigenfrequencies_hz(5) for box in (found.family(), family)]
+    np.testing.assert_allclose(*there, rtol=1e-9)
     stiff = bc.fit(family, 1.5 * measured, initial={"spring_factor": 1.1}, n_starts=2)
     assert stiff.certificate.at_bounds
     assert not stiff.success
@@ -284,6 +287,7 @@ def test_fit_product_of_two_free_factors_is_undetermined():
 
     found, single = (bc.fit(build, measured, free, start, n_starts=3) for free in (["k2", "e", "m3"], ["k2", "m3"]))
     (unseen,) = found.unidentifiable
+    assert found.certificate.is_minimum
     assert not unseen.weak
     powers = {name: round(power, 6) for name, power in unseen.direction.items()}
     assert powers in ({"k2": 1.0, "e": -1.0}, {"k2": -1.0, "e": 1.0})
