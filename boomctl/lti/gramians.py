@@ -1,4 +1,4 @@
-"""Gramians as factors, ``P = F F^T``: in closed form in modal coordinates, otherwise from Lyapunov equations."""
+"""Gramians as solutions of Lyapunov equations, their factors ``P = F F^T``, and those of a range of frequencies."""
 
 import numpy as np
 from scipy import linalg
@@ -8,24 +8,8 @@ from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import DIGIT
 from boomctl.lti.system import Lti
 
-EXTENDED = 400  # Number of states up to which residuals are summed in extended precision; beyond, that takes seconds.
+_EXTENDED = 400  # Number of states up to which residuals are summed in extended precision; beyond, that takes seconds.
 _SOLVED = 4  # Solutions of a refined Gramian: the first, and corrections that gain about ten digits each.
-
-
-def factors(system: Lti, modal: ModalSystem | None) -> tuple[Array, Array]:
-    """Return factors of the Gramians of controllability and observability, ``P = F F^T`` and ``Q = H H^T``.
-
-    In modal coordinates ``P_ij = -b_i b_j^*/(p_i + p_j^*)``.  ``modal`` is the same system in modal coordinates, the
-    real form of which is ``system``, or None.
-    """
-    if modal is None:
-        solve = refined_gramian if len(system.A) <= EXTENDED else gramian
-        P, Q = (solve(A, B).astype(float) for A, B in ((system.A, system.B), (system.A.T, system.C.T)))
-    else:
-        J, sums = modal.mixing, modal.poles[:, None] + modal.poles.conj()
-        P = np.real(J @ (-(modal.B @ modal.B.conj().T) / sums) @ J.conj().T)
-        Q = np.real(J @ (-(modal.C.conj().T @ modal.C) / sums.conj()) @ J.conj().T)
-    return square_root(P), square_root(Q)
 
 
 def square_root(P: Array) -> Array:
@@ -48,7 +32,7 @@ def gramian(A: Array, B: Array, steps: bool = False) -> Array:
 
 def refined_gramian(A: Array, B: Array, steps: bool = False) -> Array:
     """Return the solution of ``A P + P A^T + B B^T = 0``, of ``steps`` ``A P A^T - P + B B^T = 0``, in extended precision."""
-    wide = np.longdouble if len(A) <= EXTENDED else np.float64
+    wide = np.longdouble if len(A) <= _EXTENDED else np.float64
     A_, B_ = A.astype(wide), B.astype(wide)
     P, BB = np.zeros(A.shape, dtype=wide), B_ @ B_.T
     left = BB

@@ -113,6 +113,63 @@ def reduce(
     (1, 0.019)
     """
     model = system if isinstance(system, SecondOrderModel) else of(system, sampled=True)
+    full = model if isinstance(model, Lti) else model._modal_form
+    wanted, limits = _checked_request(system, len(full.A), order, method, max_error, omega_range)
+    band = None if limits is None else _band_of_image(full, limits)
+    with computing("reduction", progress):
+        tell("modal coordinates")
+        parts = SystemParts.of(full, band or (0.0, inf))
+        reducer = METHODS[method](model, parts, band)
+        itself = full if isinstance(model, Lti) or method != "second-order" else model, (0.0, _NO_ERROR)
+        try:
+            reduction = reducer.reduced(order) if order is not None else _within(reducer, wanted)
+        except ReductionError:
+            if order not in (None, len(full.A)):
+                raise
+            reduction = itself
+        if isinstance(model, Lti) and len(reduction[0].A) >= len(full.A):
+            reduction = itself
+    smaller, (bound, error) = reduction
+    states = len((smaller if isinstance(smaller, Lti) else smaller._modal_form).A)
+    if order is not None and states < order:
+        reason = (
+            "complex pairs are not split"
+            if method == "modal"
+            else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
+        )
+        warn_user(f"order = {order}: {states} states returned; {reason}", LowerOrderWarning)
+    if isinstance(smaller, Lti):
+        scales = getattr(model, "scales", {})  # A structure is in the units of the machine.
+        smaller = replace(
+            smaller, input_labels=model.input_labels, output_labels=model.output_labels, state_labels=(), scales=scales
+        ).without_dots()
+    coordinates = "modal coordinates" if parts.modal is not None else "given coordinates"
+    return ReductionResult(
+        _full=model,
+        _reduced=smaller,
+        order=states,
+        requested_order=order,
+        error_bound=bound,
+        error_norm=error.upper_bound,
+        method=method,
+        certificate=replace(error, peak_omega=float(omega_of_image(error.peak_omega, full.dt))),
+        hankel_singular_values=reducer.form.values,
+        retained_order=len(parts.retained.A),
+        stages=(coordinates, UNREDUCED) if error is _NO_ERROR else (coordinates,),
+        omega_range=limits,
+        full_order=len(full.A),
+    )
+
+
+def _checked_request(
+    system: object,
+    size: int,
+    order: int | None,
+    method: str,
+    max_error: float | None,
+    omega_range: Band | None,
+) -> tuple[float, Band | None]:
+    """Return the largest error, ``inf`` if an order is requested, and the frequency range of a valid request."""
     known("method", method, tuple(METHODS))
     if omega_range is not None and method in _WITHOUT_RANGE:
         raise ValueError(
@@ -121,63 +178,12 @@ def reduce(
         )
     if (order is None) == (max_error is None):
         raise ValueError("order, error: expected exactly one of them")
-    if order is not None and whole("order", order, 0) > _states(model):
-        raise ValueError(f"order = {order}: the system has only {_states(model)} states")
-    wanted = None if max_error is None else positive("max_error", max_error)
-    limits = None if omega_range is None else span("omega_range", omega_range)
-    if method == "second-order" and isinstance(model, Lti):
+    if order is not None and whole("order", order, 0) > size:
+        raise ValueError(f"order = {order}: the system has only {size} states")
+    if method == "second-order" and not isinstance(system, SecondOrderModel):
         raise TypeError(f"method 'second-order': expected a SecondOrderModel, got {type(system).__name__}")
-    with computing("reduction", progress):
-        result = _reduced(model, order, wanted, method, limits)
-    if order is not None and result.order < order:
-        reason = (
-            "complex pairs are not split"
-            if method == "modal"
-            else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
-        )
-        warn_user(f"order = {order}: {result.order} states returned; {reason}", LowerOrderWarning)
-    return result
-
-
-def _reduced(
-    model: Lti | SecondOrderModel, order: int | None, wanted: float | None, method: str, band: Band | None
-) -> ReductionResult:
-    """Return the reduction to an order, or the one of the lowest order within an error."""
-    system, size = model if isinstance(model, Lti) else model._modal_form, _states(model)
-    limits = None if band is None else _band_of_image(system, band)
-    tell("modal coordinates")
-    parts = SystemParts.of(system, limits or (0.0, inf))
-    reducer = METHODS[method](model, parts, limits)
-    coordinates = "modal coordinates" if parts.modal is not None else "given coordinates"
-    itself = model if method == "second-order" else system, (0.0, _NO_ERROR)
-    try:
-        reduction = reducer.reduced(order) if order is not None else _within(reducer, wanted)  # type: ignore[arg-type]
-    except ReductionError:
-        if wanted is None and order != size:
-            raise
-        reduction = itself
-    smaller, (bound, error) = itself if isinstance(model, Lti) and _states(reduction[0]) >= size else reduction
-    if isinstance(smaller, Lti):
-        scales = getattr(model, "scales", {})  # A structure is in the units of the machine.
-        smaller = replace(
-            smaller, input_labels=model.input_labels, output_labels=model.output_labels, state_labels=(), scales=scales
-        ).without_dots()
-    peak_omega = float(omega_of_image(error.peak_omega, system.dt))
-    return ReductionResult(
-        _full=model,
-        _reduced=smaller,
-        order=_states(smaller),
-        requested_order=order,
-        error_bound=bound,
-        error_norm=error.upper_bound,
-        method=method,
-        certificate=replace(error, peak_omega=peak_omega),
-        hankel_singular_values=reducer.form.values,
-        retained_order=len(parts.retained.A),
-        stages=(coordinates, UNREDUCED) if error is _NO_ERROR else (coordinates,),
-        omega_range=band,
-        full_order=size,
-    )
+    wanted = inf if max_error is None else positive("max_error", max_error)
+    return wanted, None if omega_range is None else span("omega_range", omega_range)
 
 
 def _band_of_image(system: Lti, band: Band) -> Band:
@@ -187,10 +193,6 @@ def _band_of_image(system: Lti, band: Band) -> Band:
         )
     low, high = image_of_omega(np.minimum(band, system.nyquist * (1.0 - _NYQUIST)), system.dt)
     return float(low), float(high)
-
-
-def _states(system: Lti | SecondOrderModel) -> int:
-    return len((system if isinstance(system, Lti) else system._modal_form).A)
 
 
 def _within(reducer: StateReducer | StrongestModes, error: float) -> tuple[Lti | SecondOrderModel, Verified]:

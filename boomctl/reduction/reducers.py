@@ -16,7 +16,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image
-from boomctl.lti.gramians import band_integral, factors
+from boomctl.lti.gramians import band_integral, refined_gramian, square_root
 from boomctl.lti.modal import ModalSystem, diagonalized, residualised, spectral_parts
 from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
 from boomctl.lti.system import Lti, parallel
@@ -61,10 +61,20 @@ class Balanced:
 
 
 def balance(system: Lti, modal: ModalSystem | None, retained: int = 0) -> Balanced:
-    """Return the balanced minimal form of a stable system; ``modal`` as in :func:`factors`."""
+    """Return the balanced minimal form of a stable system.
+
+    In modal coordinates a Gramian is ``P_ij = -b_i b_j^*/(p_i + p_j^*)``.  ``modal`` is the same system in these, the real
+    form of which is ``system``, or None.
+    """
     if not len(system.A):
         return Balanced(system, np.zeros(0), 0.0, retained)
-    F, H = factors(system, modal)
+    if modal is None:
+        P, Q = (refined_gramian(A, B).astype(float) for A, B in ((system.A, system.B), (system.A.T, system.C.T)))
+    else:
+        J, sums = modal.mixing, modal.poles[:, None] + modal.poles.conj()
+        P = np.real(J @ (-(modal.B @ modal.B.conj().T) / sums) @ J.conj().T)
+        Q = np.real(J @ (-(modal.C.conj().T @ modal.C) / sums.conj()) @ J.conj().T)
+    F, H = square_root(P), square_root(Q)
     U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
     count = int((values > MINIMAL * values.max(initial=0.0)).sum())
     root = np.sqrt(values[:count])
