@@ -131,7 +131,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
     while (left := left - len(low)) >= 0:
         m = 0.5 * (low + high)
         h = np.maximum(high - m, m - low)
-        fractions = modes.shares(m)
+        fractions = 1.0 / (1j * m - poles)
         S, slope = terms.T @ fractions + D, h * (terms.T @ (fractions * fractions))
         distance = np.maximum(np.abs(m - poles.imag) - h, 0.0)
         square = decay[:, None] ** 2 + distance * distance

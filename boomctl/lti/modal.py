@@ -176,16 +176,13 @@ class ModalSystem:
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
-        return (self.terms.T @ self.shares(omega)).reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
+        response = self.terms.T @ (1.0 / (1j * omega - self.poles[:, None]))
+        return response.reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
 
     @cached_property
     def terms(self) -> Array:
         """Residue of each mode: its response times its distance from the frequency, (modes, entries of ``D``)."""
         return (self.C.T[:, :, None] * self.B[:, None, :]).reshape(len(self.poles), self.D.size)
-
-    def shares(self, omega: Array) -> Array:
-        """Return the inverse of each mode's distance from frequencies, (modes, frequencies)."""
-        return 1.0 / (1j * omega - self.poles[:, None])
 
 
 def partial_fractions(system: Lti) -> ModalSystem:

@@ -163,26 +163,24 @@ class Lti:
         SingularFrequencyWarning
             If the response at a frequency was evaluated near it.
         """
-        states = np.empty((len(omega), *self.B.shape), complex)
         step = max(1, BATCH // max(len(self.A), 1) ** 2)
-        for i in range(0, len(omega), step):
-            states[i : i + step] = self._resolvent(omega[i : i + step], quiet)
-        return (self.C @ states + self.D).transpose(1, 2, 0)
-
-    def _resolvent(self, omega: Array, quiet: bool) -> Array:
+        if len(omega) > step:
+            parts = [self.response(omega[k : k + step], quiet=quiet) for k in range(0, len(omega), step)]
+            return np.concatenate(parts, axis=2)
         pencil, diagonal = np.empty((len(omega), *self.A.shape), complex), np.arange(len(self.A))
         pencil[:] = -self.A.astype(complex)
         pencil[:, diagonal, diagonal] += self.boundary(omega)[:, None]
         try:
-            return np.linalg.solve(pencil, self.B.astype(complex))
+            states = np.linalg.solve(pencil, self.B.astype(complex))
         except np.linalg.LinAlgError:
             if len(omega) > 1:
-                return np.concatenate([self._resolvent(omega[k : k + 1], quiet) for k in range(len(omega))])
-        nearby = beside(omega)
-        if not quiet:
-            message = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {nearby[0]:.17g} rad/s"
-            warn_user(message, SingularFrequencyWarning)
-        return self._resolvent(nearby, quiet)
+                return np.concatenate([self.response(w, quiet=quiet) for w in omega[:, None]], axis=2)
+            nearby = beside(omega)
+            if not quiet:
+                message = f"a pole lies at {omega[0]:.17g} rad/s: the response there is that at {nearby[0]:.17g} rad/s"
+                warn_user(message, SingularFrequencyWarning)
+            return self.response(nearby, quiet=quiet)
+        return (self.C @ states + self.D).transpose(1, 2, 0)
 
     def boundary(self, omega: Any) -> Any:
         """Return where the response is that at ``omega``: ``s = j omega``, in discrete time ``z = exp(j omega dt)``."""

@@ -51,6 +51,18 @@ def test_the_response_solves_the_differential_equation(seed):
     assert found == pytest.approx(system.C @ x + system.D @ u, abs=1e-6)
 
 
+@pytest.mark.parametrize("seed", [2, 3])
+def test_motion_of_dense_matrix_with_equal_poles_keeps_its_digits(seed):
+    """Powers of the matrix itself cancel: they leave errors of 1e-3 and more."""
+    rng = np.random.default_rng(seed)
+    Q, rates = np.linalg.qr(rng.standard_normal((9, 9)))[0], 10.0 ** rng.uniform(-0.3, 0.3, 9)
+    A, B, C = np.triu(15.0 * rng.standard_normal((9, 9)), 1) - np.diag(rates), np.ones((9, 1)), np.ones((1, 9))
+    u, zero = rng.standard_normal((1, 100)), np.zeros((1, 1))
+    triangular, dense = (Lti(T @ A @ T.T, T @ B, C @ T.T, zero) for T in (np.eye(9), Q))
+    expected, found = (linear_hold_response(system, u, 0.3, np.zeros(9)) for system in (triangular, dense))
+    assert found == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
 @given(seeds)
 @examples(20)
 def test_samples_put_on_the_straight_lines_change_nothing(seed):
