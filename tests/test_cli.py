@@ -98,13 +98,6 @@ def test_cli_design_error_of_file_is_one_line(raised, code, message, tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (code, "", f"boomctl: {message}\n")
 
 
-@pytest.mark.slow
-def test_design_speed_beyond_resolution_of_track_raises(tmp_path):
-    done = boomctl("design", "passive_tuning", "--speed", "80", cwd=tmp_path)
-    assert done.returncode == 2
-    assert "at speed = 80, or a speed of at most 50 m/s" in done.stderr
-
-
 OWN = """
 from pathlib import Path
 from boomctl.report import Report

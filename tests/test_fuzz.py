@@ -14,7 +14,7 @@ from tests.profiles import examples
 # arguments that are stored, or not needed beside the others
 NOT_LOOKED_AT = {"order", "notes", "sections", "listener"}
 # tried in a file of their own share: a call takes a hundred times as long as that of others
-SLOW = ("optimal_slew", "h_infinity", "tune", "analysis.robust_stability_margin", "boom.yaw_family")
+SLOW = ("optimal_slew", "h_infinity", "tune", "analysis.robust_stability_margin")
 QUICK = [name for name in (*fuzz.called(), *fuzz.METHODS) if name not in SLOW]
 
 

@@ -84,19 +84,6 @@ def test_package_docstring_lists_each_name_once():
     assert all(listed.count(name) == 1 for name in set(boomctl.__all__) - {"__version__"})
 
 
-@pytest.mark.slow
-def test_sub_packages_are_there_without_an_import_of_their_own():
-    code = (
-        "import sys; import boomctl as bc; bc.structure.Beam; bc.studies.suspension.FieldScenario; bc.slew.input_shaper;"
-        + (
-            "assert 'structure' in dir(bc) and 'structure' not in bc.__all__; import boomctl.slew as s; assert s is bc.slew"
-        )
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
-    folders = {path.parent.name for path in PACKAGE.glob("*/__init__.pyi")}
-    assert folders == {name for name in dir(boomctl) if (PACKAGE / name / "__init__.pyi").exists()}
-
-
 @pytest.mark.parametrize(
     ("keywords", "parameters"), [(BoomChanges, boomctl.BoomParameters), (HubBeamChanges, boomctl.HubBeamParameters)]
 )

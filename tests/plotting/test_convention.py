@@ -258,16 +258,6 @@ def test_compare_sigma_grid_resolves_peaks_of_all_systems():
     assert [text.get_text() for text in ax.get_legend().get_texts()] == ["slow", "fast", "verified peak"]
 
 
-def test_an_unstable_system_says_so_in_a_comparison_too():
-    unstable = bc.structure.SecondOrderModel([[1.0]], [[0.1]], [[-1.0]], {"u": [1.0]}, {"y": [1.0]})
-    both = bc.compare_sigma({"loop": unstable, "mass": one.mass()})
-    assert "loop" in repr(both)
-    assert "unstable" in repr(both)
-    ax = both.plot(Figure().subplots(), linestyle="-")
-    assert [text.get_text() for text in ax.texts] == ["loop (unstable): no steady-state response"]
-    assert ax.get_lines()[0].get_linestyle() == ":"
-
-
 @pytest.mark.parametrize("band", [None, (0.0, 20.0)])
 def test_reduction_plot_error_below_bound(band):
     given = one.boom().select(*ENDS)

@@ -84,13 +84,6 @@ def test_draw_run_shows_millimeters_and_limits_that_are_near(stroke, limited):
     assert force.get_xlim() == (0.5, 1.5)
 
 
-def test_modes_of_the_boom_are_drawn_on_the_machine():
-    figure = figure_of(bc.spray_boom(elements=6).mode_shapes(2).plot)
-    boom = figure.axes[0].get_lines()[-1]
-    assert [ax.get_title(loc="left") for ax in figure.axes] == ["1: yaw, 0.245 Hz", "2: jolt, 0.5825 Hz"]
-    assert boom.get_ydata()[[0, -1]] == pytest.approx([1.0, -1.0])
-
-
 @pytest.mark.parametrize("radius", [0.5, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_animate_slew_draws_each_motion(radius):
     beam = bc.hub_beam(bc.HubBeamParameters(hub_radius=radius), modes=1)

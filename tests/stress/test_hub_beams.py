@@ -34,16 +34,6 @@ def test_rotating_frequencies_equal_sixty_digits(check_error, speed, ratio):
     check_error(lambda: each_relative(found(), rotating_frequencies(3, speed, p)), limit, may_refuse=ratio > 1.0)
 
 
-@over("delta", 1e-3, 1e-1, 1e-6, 1e-9, 1e-12)
-def test_tlam_frequency_near_the_critical_speed_equals_its_law(check_error, delta):
-    """Relative error against sqrt(critical^2 - speed^2)."""
-    critical = RATE * float(clamped_free_frequencies(1)[0])
-    speed = critical * (1.0 - delta)
-    true = [sqrt((critical - speed) * (critical + speed))]
-    found = lambda: frequencies(P, "tlam", 1, speed)  # noqa: E731
-    check_error(lambda: each_relative(found(), true), max(1e-10, 20 * EPS / delta), may_refuse=True)
-
-
 # powers of length, force and time in the unit of each parameter
 UNITS = {
     "length": (1, 0, 0),

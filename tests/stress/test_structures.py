@@ -4,10 +4,8 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from scipy import optimize
 
-from boomctl.analysis.sigma import sigma
-from boomctl.boom.exact import exact_eigenfrequencies_hz, exact_frequency_response
+from boomctl.boom.exact import exact_eigenfrequencies_hz
 from boomctl.boom.factory import spray_boom
 from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
@@ -147,28 +145,6 @@ def test_boom_in_other_units_scales(check_error, unit, scale):
         return each_relative(gains(in_other_units(P, powers, unit, scale), scale if unit == "time" else 1.0), gains(P))
 
     check_error(error, 1e-9, may_refuse=True)
-
-
-@over("count", 20, 1, 6, 100, 190)
-def test_boom_converges_to_the_exact_boom(check_error, count):
-    """Response and peak over the exact boom's: the error of cubic elements falls with the fourth power."""
-    omega = np.geomspace(0.6, 60.0, 60)
-    model, limit = (
-        spray_boom(elements=count),
-        2.0 if count < 20 else 8e-4 * (100 / count) ** 4,
-    )  # twice what was measured
-    exact = lambda w: exact_frequency_response(P, w, ACTUATORS, TIPS)  # noqa: E731
-    check_error(lambda: relative(response(model, omega), exact(omega).frdata), limit)
-
-    def peak_error():
-        found = sigma(model, [1.0])
-        near = optimize.minimize_scalar(
-            lambda w: -sigma(exact([w])).sigma[0, 0], bounds=found.peak_omega * np.array([0.99, 1.01]), method="bounded"
-        )
-        return abs(found.peak / -near.fun - 1.0), found.certified
-
-    if count >= 6:
-        check_error(peak_error, limit)
 
 
 def some_boom(seed):

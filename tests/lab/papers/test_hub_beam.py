@@ -59,9 +59,6 @@ def test_table_2_frequencies_need_printed_factor():
     assert {each.verdict for each in section.comparisons} == {CORRECTED}
     for each in section.comparisons:
         assert each.published / each.computed == pytest.approx(2 * math.pi / 6.28, abs=1.2e-4)
-    first = {each.what: each.computed for each in section.comparisons if each.what.endswith("mode 1")}
-    assert first["natural frequency, mode 1"] == pytest.approx(0.46325907, abs=5e-9)
-    assert first["FOAM, 1 rad/s, mode 1"] == pytest.approx(0.47111124, abs=5e-9)
 
 
 def test_neglected_terms_are_what_cfoam_has_beyond_foam():
@@ -87,11 +84,6 @@ def test_neglected_terms_are_what_cfoam_has_beyond_foam():
     assert section.claims[0].verdict == CORRECTED
 
 
-NUMBERS = {
-    hub_beam_frequencies.critical_speeds: pytest.approx([2.910743, 2.604292, 1.936453], abs=2e-6),
-    hub_beam_spin_up.foam_and_tlam: pytest.approx([0.4792, 0.2044], abs=5e-5),
-    hub_beam_torque.inertia_torque: pytest.approx([6.42e-3, 4.93e-2, 3.40e-1, 1.954], rel=1.5e-3),
-}
 VERDICTS = {
     hub_beam_frequencies.critical_speeds: [MET, MET, NOT_REPRODUCIBLE, MET],
     hub_beam_spin_up.cfoam_and_foam: [MET],
@@ -104,12 +96,10 @@ VERDICTS = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("part", VERDICTS, ids=lambda part: part.__name__)
-def test_numbers_and_verdicts_of_the_paper(part):
+def test_verdicts_on_the_paper(part):
     found = part()
     verdicts = [each.verdict for each in (*found.comparisons, *found.claims)]
     assert verdicts[: len(VERDICTS[part])] == VERDICTS[part]
-    if part in NUMBERS:
-        assert [each.computed for each in found.comparisons[: len(NUMBERS[part].expected)]] == NUMBERS[part]
 
 
 @pytest.mark.slow
