@@ -142,12 +142,12 @@ class Measured:
         return len(self.values) if self.member is None else int(np.bincount(self.member).max())
 
     def one(self, k: int) -> "Measured":
-        """Return one of the data sets."""
+        """Return one of the data sets; frequencies of the others remain, as a model may return values at all of them."""
         own = self.member == k
+        if self.omega is not None:
+            return replace(self, spread=np.where(own, self.spread, np.inf), member=None)
         modes = None if self.modes is None else tuple(np.array(self.modes)[own].tolist())
-        omega, noise = (None if x is None else x[..., own] for x in (self.omega, self.noise))
-        values, spread = self.values[..., own], self.spread[..., own]
-        return replace(self, values=values, spread=spread, omega=omega, modes=modes, noise=noise, member=None)
+        return replace(self, values=self.values[own], spread=self.spread[own], modes=modes, member=None)
 
     def labeled(self, labels: Array) -> Array:
         """Return a label of each entry of the last axis for each of the residuals."""

@@ -77,6 +77,7 @@ fit(free={"k1": (3.0, 1.0)}) -> range of k1
 fit(free={"k1": (1.0, 2.0)}) -> `initial` of k1 must be in its range, 1 to 2, got 900
 fit(initial={**CHAIN, "k1": 0.0}) -> `initial` of k1 must be above zero
 fit(initial=None) -> initial: expected initial parameters
+bc.fit(bc.boom_family(), [0.3], initial={"none": 1.0}) -> unknown parameter 'none'
 fit(initial=3.0) -> initial: expected a dataclass or a mapping
 fit(weights=[1.0, -1.0, 1.0]) -> `weights` must be zeros and numbers above 1e-50, got -1 to 1
 fit(weights=[1.0, 1.0]) -> `weights` must have the measured shape
