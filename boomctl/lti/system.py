@@ -294,9 +294,14 @@ class ClosedLoop:
     @cached_property
     def magnitudes(self) -> Lti:
         """Magnitudes of the numbers from which the entries of ``system`` were computed."""
-        scale = balance(lower_lft(self.plant, self.controller).A)[1]
-        solved = np.abs(_solved(self.plant, self.controller))
-        terms = closed(self.plant.magnitudes, self.controller.magnitudes, solved)
+        plant, K = self.plant.magnitudes, self.controller.magnitudes
+        scale, solved = (
+            balance(lower_lft(self.plant, self.controller).A)[1],
+            np.abs(_solved(self.plant, self.controller)),
+        )
+        # Rounding of I - D_K D22 is amplified twice by its inverse.
+        D22 = plant.D[len(plant.D) - K.B.shape[1] :, plant.D.shape[1] - len(K.C) :]
+        terms = closed(plant, K, solved @ (np.eye(len(K.D)) + K.D @ D22) @ solved)
         return replace(terms, A=terms.A / scale[:, None] * scale, B=terms.B / scale[:, None], C=terms.C * scale)
 
 

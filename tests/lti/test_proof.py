@@ -13,10 +13,11 @@ from flint import acb, acb_mat, arb, ctx, fmpq, fmpq_mat
 from scipy import linalg, signal
 
 import boomctl as bc
+from boomctl.analysis.norm import matrices_norm
 from boomctl.exact_roots import OPERATIONS, UndecidedError
 from boomctl.exceptions import CertificateError
 from boomctl.lti.proof import Exact
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import ClosedLoop, Lti, of
 from tests.exact import Exact as Reference
 from tests.hard_systems import unimodular
 from tests.profiles import is_hunt, is_quick
@@ -335,6 +336,22 @@ def test_design_certified_for_returned_controller(seed):
     assert max(gains) <= norm.upper_bound * (1.0 + SLACK)
     if norm.peak_omega < np.inf:
         assert gains[0] >= norm.lower_bound * (1.0 - SLACK)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_bounds_of_loop_hold_where_terms_cancel(seed):
+    """Feedthroughs that almost close an algebraic loop, or a huge gain that the plant's own matrix takes back."""
+    rng = np.random.default_rng(seed)
+    A, B, C, D = (rng.standard_normal(shape) for shape in ((4, 4), (4, 2), (2, 4), (2, 2)))
+    A -= (np.linalg.eigvals(A).real.max() + 0.2) * np.eye(4)
+    D, gain = (D, (1.0 - 10.0 ** rng.uniform(-9, -3)) / D[1, 1]) if seed % 2 else (0.0 * D, 10.0 ** rng.uniform(6, 11))
+    P = control.ss(A - gain / (1.0 - gain * D[1, 1]) * np.outer(B[:, 1], C[1]), B, C, D)
+    K = control.ss([], [], [], gain)
+    found = matrices_norm(ClosedLoop(of(P), of(K)))
+    gains = [gain_of_loop(P, K, w) for w in (found.peak_omega, 0.0, *np.abs(np.linalg.eigvals(A))) if w < np.inf]
+    assert max(gains) <= found.upper_bound * (1.0 + SLACK)
+    if found.peak_omega < np.inf:
+        assert gains[0] >= found.lower_bound * (1.0 - SLACK)
 
 
 @pytest.mark.parametrize(("n", "decided"), [(40, True), (120, False)])
