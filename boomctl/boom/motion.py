@@ -27,7 +27,7 @@ _SETTLED = 1e-6  # Remaining fraction of the initial motion when the record begi
 _DRIFTING = 1e-9  # Decay rate [1/s] below which the heading counts as free.
 _SIDES, _MOTIONS = ("time_s", "left_m", "right_m"), ("time_s", "jolt_m", "yaw_rad")  # Columns of a file of motion.
 # Amplitudes of the left and the right actuator.
-_SWEEPS = {"jolt": (1.0, 1.0), "yaw": (-1.0, 1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}
+_SWEPT = {"jolt": (1.0, 1.0), "yaw": (-1.0, 1.0), "left": (1.0, 0.0), "right": (0.0, 1.0)}
 _STATED = "actuator_distance_m"  # the comment "# actuator_distance_m = 1.78" of a file of motion
 _MEANT = re.compile(rf"{_STATED}|(?=.*actuator)(?=.*distance)(?=.*\d)", re.IGNORECASE)  # A comment on that distance.
 _COMMENT = re.compile(rf"{_STATED}\s*=\s*((?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
@@ -299,7 +299,7 @@ def sine_sweep(
     low, high = positive("start_hz", start_hz), positive("stop_hz", stop_hz)
     T, size, half_period = positive("duration", duration), real("amplitude", amplitude), 0.5 / max(low, high)
     h = within("sample_time", positive("sample_time", sample_time), 0.0, half_period, "s")
-    left, right = _SWEEPS[known("motion", motion, _SWEEPS)]
+    left, right = _SWEPT[known("motion", motion, _SWEPT)]
     time = h * np.arange(step_count("duration", T, h, "s") + 1)
     if truth("logarithmic", logarithmic) and low != high:
         rate = (np.log(high) - np.log(low)) / T

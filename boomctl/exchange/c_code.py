@@ -15,8 +15,8 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.lti.system import Lti
 
-_SAMPLES = 240  # Largest number of samples of the test: half of them within the limits, half beyond.
-_GROWTH = 1e3  # Largest growth of an unstable controller's states in each half.
+_TESTED = 240  # Largest number of samples of the test: half of them within the limits, half beyond.
+_DIVERGED = 1e3  # Largest growth of an unstable controller's states in each half.
 _EXCESS = 20.0  # Requested controls of the second half, relative to the limits.
 _HUGE = 1e200  # Largest measurement of the test; products with gains below 1e100 do not overflow.
 
@@ -117,7 +117,7 @@ def _measurements(running: RunningController) -> Array:
     """Return measurements for which the controls are within the limits, then beyond."""
     K, rng = running.K, np.random.default_rng(0)
     own = float(np.abs(np.linalg.eigvals(K.A)).max()) if len(K.A) else 0.0
-    half = _SAMPLES // 2 if own <= 1.0 else max(2, min(_SAMPLES // 2, int(log(_GROWTH) / log(own))))
+    half = _TESTED // 2 if own <= 1.0 else max(2, min(_TESTED // 2, int(log(_DIVERGED) / log(own))))
     noise = rng.standard_normal((2 * half, len(K.input_labels)))
     with np.errstate(all="ignore"):  # Measurements are zero if the gains overflow.
         scale = np.abs(np.vstack([K.D, K.C @ K.B if len(K.A) else K.D])).max(axis=0)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from boomctl.analysis.sigma import SigmaResult
     from boomctl.simulation.result import LoopResult
 
-_BEFORE, _AFTER, _FAMILY = COLORS[1], COLORS[0], "#9bb8d3"
+_PASSIVE, _CONTROLLED, _FAMILY = COLORS[1], COLORS[0], "#9bb8d3"
 
 
 def draw_suspension_sigma(
@@ -46,8 +46,8 @@ def draw_suspension_sigma(
         for k, item in enumerate(others):
             label = "uncertain springs and mass" if k == 0 else None
             ax.loglog(item.omega / (2 * np.pi), item.sigma[0], color=_FAMILY, linewidth=0.8, label=label)
-        passive.plot(ax, frequency_unit="Hz", label=labels[0], color=_BEFORE)
-        active.plot(ax, frequency_unit="Hz", label=labels[1], color=_AFTER)
+        passive.plot(ax, frequency_unit="Hz", label=labels[0], color=_PASSIVE)
+        active.plot(ax, frequency_unit="Hz", label=labels[1], color=_CONTROLLED)
         if exact is not None:
             dots = {"color": "black", "markersize": 2.8, "markevery": 0.01}  # sparse: the line below is visible
             for k, line in enumerate(exact.sigma):
@@ -95,7 +95,7 @@ def draw_run(
     -------
     matplotlib Figure
     """
-    runs = ((passive, labels[0], _BEFORE), (active, labels[1], _AFTER))
+    runs = ((passive, labels[0], _PASSIVE), (active, labels[1], _CONTROLLED))
     rows = 4 if active.controls else 3
     inside = (active.time >= span[0]) & (active.time <= span[1])
     t = active.time[inside]
@@ -113,7 +113,7 @@ def draw_run(
         axes[2].set_ylabel("left stroke [mm]")
         _limit(axes[2], 1e3 * limits[1])
         if active.controls:
-            for side, color in (("left", _AFTER), ("right", COLORS[3])):
+            for side, color in (("left", _CONTROLLED), ("right", COLORS[3])):
                 axes[3].plot(t, active.controls[f"suspension_{side}"][inside], color=color, label=side)
             axes[3].set_ylabel("force [N]")
             _limit(axes[3], limits[0])

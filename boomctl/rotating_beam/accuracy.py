@@ -39,7 +39,7 @@ _SOLVED_EXACT = 0.28  # Tolerance of its solver; a looser tolerance can save one
 # Allowed difference of two references.  It is added to the error of each model, so that any value keeps the accuracy: a
 # larger one may reject a model that is accurate enough, a smaller one needs finer references.  0.25, 0.1 and 0.03 chose the
 # same models in 14 random maneuvers.
-_CONVERGED = 0.1
+_SETTLING = 0.1
 _FIRST, _ONWARD = 1e-3, 0.03  # Tolerance of the first reference; of the next ones, relative to the last difference.
 _NEGLIGIBLE = 0.1  # Tightest tolerance of a reference, relative to the allowed difference of two references.
 
@@ -48,9 +48,9 @@ _FEWEST = 3  # Fewest polynomials of a candidate exact beam: with fewer its step
 # Candidate models and their numbers of modes, in the order in which they are tested.
 _CANDIDATES = (*(("sfoam", n) for n in (1, 2, 3, 5, 8)), *((EXACT, n) for n in (_FEWEST, 4, 6, 8, 12)))
 _REFERENCES = (5, 7, 10, 14, 20, 28, 40, 60)  # Polynomials of the references, in factors of about sqrt 2.
-_SAMPLES = 24.0  # Compared times in a period of the second bending mode: a peak between two is 1 % higher at most.
-_FEWEST_SAMPLES, _MOST_SAMPLES = 500, 20_000  # Limits: least number within the maneuver, largest number in total.
-_UNEVEN = 1.01  # Power by which the times are spaced unevenly, to avoid aliasing with a vibration.
+_TIMES = 24.0  # Compared times in a period of the second bending mode: a peak between two is 1 % higher at most.
+_FEWEST_TIMES, _MOST_TIMES = 500, 20_000  # Limits: least number within the maneuver, largest number in total.
+_SPACING = 1.01  # Power by which the times are spaced unevenly, to avoid aliasing with a vibration.
 _ROUNDING = 1e-14  # Rounding error of displacements, relative to the radius of the free end.
 
 
@@ -156,9 +156,9 @@ def _choose(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, time: flo
 def _compared_times(p: HubBeamParameters, maneuver: Maneuver, time: float) -> Array:
     """Return the times at which motions are compared: they resolve the second bending mode and the maneuver."""
     second = float(in_model(p, EXACT, _REFERENCES[0]).eigenfrequencies_hz()[1])
-    points = int(np.clip(_SAMPLES * second * time, _FEWEST_SAMPLES, _MOST_SAMPLES))
-    even = [np.linspace(0.0, min(item, time), _FEWEST_SAMPLES) for item in maneuver.breakpoints[-1:] if item > 0.0]
-    return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _UNEVEN, *even]))
+    points = int(np.clip(_TIMES * second * time, _FEWEST_TIMES, _MOST_TIMES))
+    even = [np.linspace(0.0, min(item, time), _FEWEST_TIMES) for item in maneuver.breakpoints[-1:] if item > 0.0]
+    return np.unique(np.concatenate([time * np.linspace(0.0, 1.0, points) ** _SPACING, *even]))
 
 
 def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, times: Array) -> _Reference:
@@ -173,7 +173,7 @@ def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, times:
     fewer, before, unsolved, gap, rtol = 0, np.zeros_like(times), 0.0, math.inf, _FIRST
     for modes in _REFERENCES:
         tell(f"geometrically exact beam with {modes} polynomials")
-        rtol = max(rtol, _NEGLIGIBLE * _CONVERGED * accuracy)
+        rtol = max(rtol, _NEGLIGIBLE * _SETTLING * accuracy)
         try:
             run = in_model(p, EXACT, modes)._solved(maneuver, times, (rtol, rounding))
         except SimulationError as failure:
@@ -187,11 +187,11 @@ def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, times:
         if fewer:
             difference = float(np.abs(run.tip - before).max())
             gap, rtol = (difference + unsolved + run.error + rounding) / largest, _ONWARD * difference / largest
-            if gap <= _CONVERGED * accuracy:
+            if gap <= _SETTLING * accuracy:
                 return _Reference(run.tip, largest, (fewer, modes, gap))
         fewer, before, unsolved = modes, run.tip, run.error
     raise ValueError(
-        f"accuracy = {exactly(accuracy)}: expected at least {gap / _CONVERGED:.2g}; geometrically exact beams of "
+        f"accuracy = {exactly(accuracy)}: expected at least {gap / _SETTLING:.2g}; geometrically exact beams of "
         f"{_REFERENCES[-2]} and {_REFERENCES[-1]} polynomials differ by {gap:.1e} in this maneuver"
     )
 

@@ -55,11 +55,11 @@ if TYPE_CHECKING:
 
 INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
-_SHORTEST = 1e-60  # Shortest spacing of times [s]: its powers do not underflow.
+_LEAST_GAP = 1e-60  # Shortest spacing of times [s]: its powers do not underflow.
 _LATEST = 1e9  # Longest motion [s]: 30 years.
 _FASTEST = 1e60  # Largest hub speed [rad/s]: its powers do not overflow.
 
-_SMALL = 1e-6  # Perturbation of coordinates, relative to the length, for mode shapes: its square is a rounding error.
+_SHIFT = 1e-6  # Perturbation of coordinates, relative to the length, for mode shapes: its square is a rounding error.
 _JUST_BELOW = 1.0 - 1e-6  # End of a diagram relative to the divergence speed, where a frequency is nearly 0.
 _STEEP = 12  # Speeds added to a diagram just below its end.
 _TOLERANCE = 1e-8, 1e-10  # Default rtol and atol [m] of a simulation.
@@ -241,8 +241,8 @@ class HubBeam(ABC):
         shapes = signed(shapes / np.sqrt(slowness))
         rest = self.deformed_shape(np.zeros(2 * size))[0]
         states = np.zeros((wanted, 2 * size))
-        states[:, 1:size] = _SMALL * self.parameters.length * (shapes / np.abs(shapes).max(axis=0)).T
-        moved = (self.deformed_shape(states) - self.deformed_shape(-states)) / (2.0 * _SMALL * self.parameters.length)
+        states[:, 1:size] = _SHIFT * self.parameters.length * (shapes / np.abs(shapes).max(axis=0)).T
+        moved = (self.deformed_shape(states) - self.deformed_shape(-states)) / (2.0 * _SHIFT * self.parameters.length)
         moved = moved * np.abs(shapes).max(axis=0)[:, None]
         kinds = ["bending" if sideways else "axial" for sideways in np.ptp(moved.imag, 1) > np.ptp(moved.real, 1)]
         points, displacement = np.stack([rest.real, rest.imag], 1), np.stack([moved.real, moved.imag], 2)
@@ -716,8 +716,8 @@ def _checked_times(value: ArrayLike) -> Array:
         raise ValueError("timepts: expected strictly ascending times")
     if timepts[-1] > _LATEST:
         raise ValueError(f"timepts[-1] = {exactly(timepts[-1])}: expected at most {_LATEST:g} s")
-    if gap < _SHORTEST:
-        raise ValueError(f"timepts: expected a spacing of at least {_SHORTEST:g} s, got {gap:g} s")
+    if gap < _LEAST_GAP:
+        raise ValueError(f"timepts: expected a spacing of at least {_LEAST_GAP:g} s, got {gap:g} s")
     return timepts
 
 

@@ -19,7 +19,7 @@ _ROUGH = 1e-6  # Deviation from a polynomial, relative to the largest value, abo
 _SMALLEST = 1e-12  # Smallest step relative to the full duration: the effect of a jump within such a step is negligible.
 _PASSES = 45  # Halvings of a first step: 2^-45 is below the smallest step.
 _NEAR_END = 1e-6  # Distance over the step of further times to its ends: a jump between Gauss point and end is found.
-_EDGE = 1e-9  # Distance to an end, over the step, below which a time may belong to the adjacent step.
+_END = 1e-9  # Distance to an end, over the step, below which a time may belong to the adjacent step.
 
 
 def even_times(end: float) -> Array:
@@ -50,7 +50,7 @@ def polynomial_errors(values: Array, begin: Array, length: Array, times: Array, 
     position = (times - begin[step]) / length[step]
     terms = values @ gauss_method(degree + 1).terms.T
     error = np.abs(samples - np.einsum("ki,ki->k", legendre.legvander(2.0 * position - 1.0, degree), terms[step]))
-    return np.where((position > _EDGE) & (position < 1.0 - _EDGE), error, 0.0), step
+    return np.where((position > _END) & (position < 1.0 - _END), error, 0.0), step
 
 
 def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:

@@ -13,7 +13,7 @@ from boomctl.arrays import Array
 from boomctl.lti.time_series import TimeSeries
 
 SMALL_DEFORMATION = 0.1  # of the length: the tip displacement up to which Bai et al. (2009) call a deformation small
-_HALVINGS = 50  # Halvings of a step to locate a time within it, to rounding error.
+_BISECTIONS = 50  # Halvings of a step to locate a time within it, to rounding error.
 
 
 @final
@@ -273,7 +273,7 @@ def small_deformation_until(
     before, after = (float(side * tip_displacement[end] - limit) for end in (first, last))
     rates = (side * step * tip_rate(slice(first, last + 1))).tolist()
     low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         s = 0.5 * (low + high)
         cubic = before * (1 + 2 * s) * (1 - s) ** 2 + after * s**2 * (3 - 2 * s)
         cubic += rates[0] * s * (1 - s) ** 2 - rates[1] * s**2 * (1 - s)

@@ -36,7 +36,7 @@ from boomctl.units import motion_unit
 
 _DRAWN = 10  # Number of plotted points per element.
 _POINTS = (60, 600)  # Limits on the number of plotted points per beam.
-_UNEVEN = 0.41421356  # Fraction of its length at which a free beam is divided: sqrt 2 - 1, no node of a low mode.
+_DIVISION = 0.41421356  # Fraction of its length at which a free beam is divided: sqrt 2 - 1, no node of a low mode.
 
 
 @dataclass(frozen=True)
@@ -349,7 +349,7 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
     marks = tuple(element_nodes(beam, (0.0, *distinct(stations, beam.length), beam.length)))
     if len(marks) == 2:
         # the natural frequencies of a free segment are those of a clamped one, where its own stiffness is infinite
-        marks = (marks[0], _UNEVEN * beam.length, marks[1])
+        marks = (marks[0], _DIVISION * beam.length, marks[1])
     return FiniteElements(marks).mesh(beam, stations)
 
 

@@ -19,7 +19,7 @@ from boomctl.studies.evaluation import Design, Evaluation, Finding, finding_tabl
 from boomctl.threads import one_blas_thread
 
 _MORE = 0.1  # excess of the simulated tip mass over the largest planned one, in the tracking test [kg]
-_AFTER = 2.0  # duration of the animation after the end of the slew [s]
+_FILMED = 2.0  # duration of the animation after the end of the slew [s]
 _REPLAY = "replay by another integrator"
 _OPTIMAL = {
     "proved": "duality or Pontryagin's principle",
@@ -230,7 +230,7 @@ class SlewEvaluation(Evaluation):
         drawn = _drawn("slew", slew.plot, caption)
         yield Section("The slew", (*words, *design.notes), (finding_table(checked),), (drawn,))
         beam, motions = design.beam.with_tip_mass(self.film_tip_mass), {}
-        time = np.linspace(0.0, slew.duration + _AFTER, 601)
+        time = np.linspace(0.0, slew.duration + _FILMED, 601)
         for name in (design._label, design.reference_slew or design._rigid):
             motions[name] = beam.simulate(comparison[name].torque_profile, time)
         shown = animate_slew(beam, motions, title=slew.title.capitalize())

@@ -208,7 +208,7 @@ def test_the_path_names_the_ways_that_ran(model, maneuver, path):
 def test_a_way_that_misses_the_tolerance_is_in_the_path(monkeypatch):
     beam, t = hub_beam(BAI, "sfoam", 2), np.linspace(0.0, 5.0, 51)
     expected = beam.simulate(spin_up(2.0, 4.0), t)
-    monkeypatch.setattr(modal_collocation, "_LEVELS", 1)
+    monkeypatch.setattr(modal_collocation, "_REFINED", 1)
     found = beam.simulate(spin_up(2.0, 4.0), t)
     assert found.stages == ("modal collocation (given up)", "collocation", "steady rotation by modes")
     np.testing.assert_allclose(found.tip_displacement, expected.tip_displacement, rtol=0, atol=2e-8)

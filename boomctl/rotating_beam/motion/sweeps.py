@@ -14,7 +14,7 @@ from boomctl.arrays import Array
 from boomctl.rotating_beam.motion.free_modes import FreeModes
 from boomctl.rotating_beam.motion.oscillators import Flow, coordinates
 
-_SWEEPS = 40  # Most sweeps of a window: 6 to 25 are normal, and a shorter window takes fewer.
+_ITERATIONS = 40  # Most sweeps of a window: 6 to 25 are normal, and a shorter window takes fewer.
 _NEAR = 10.0  # Change over the tolerance at which sweeps stop if it also fell by this factor in the last sweep.
 
 
@@ -66,7 +66,7 @@ def settle(
     """
     change, values, impulses = np.inf, None, None
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        for sweep in range(1, _SWEEPS + 1):
+        for sweep in range(1, _ITERATIONS + 1):
             states = flow.states(force, start, impulses)
             z, rate = flow.at_nodes(force, states)
             if flow.fast.any():

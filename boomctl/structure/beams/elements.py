@@ -11,7 +11,7 @@ from boomctl.structure.beams.mesh import BeamMesh, element_mesh
 from boomctl.structure.parts import Beam
 
 MOST_ELEMENTS = 1_000_000  # Limit on the elements of a beam; a finer mesh only adds rounding error.
-_SHORTEST = 5e-13  # Shortest element relative to the beam; modes are inaccurate with shorter ones.
+_ELEMENT = 5e-13  # Shortest element relative to the beam; modes are inaccurate with shorter ones.
 
 
 @dataclass(frozen=True)
@@ -193,10 +193,10 @@ def element_nodes(beam: Beam, elements: int | Sequence[float]) -> Array:
         nodes = np.sort(np.concatenate([nodes, missing]))
     widths = np.diff(nodes)
     shortest = int(np.argmin(widths))
-    if widths[shortest] < _SHORTEST * length:
+    if widths[shortest] < _ELEMENT * length:
         raise ValueError(
             f"beam {beam.name!r}: between {exactly(nodes[shortest])} and {exactly(nodes[shortest + 1])} m its element is"
-            f" {widths[shortest]:.2g} m long; expected at least {from_on(_SHORTEST * length)} m, or one node for both"
+            f" {widths[shortest]:.2g} m long; expected at least {from_on(_ELEMENT * length)} m, or one node for both"
         )
     return nodes
 

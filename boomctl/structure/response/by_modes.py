@@ -16,7 +16,7 @@ from boomctl.structure.response.modes import undamped_modes
 
 _MAX_DAMPERS = 6  # An update of higher rank costs about as much as dense solutions.
 _CANCELLED = 1e-10  # Largest rounding error of an update, relative to the response.
-_SMALL = 1e-6  # Responses of an output to an input below this fraction of its largest response need fewer digits.
+_MINOR = 1e-6  # Responses of an output to an input below this fraction of its largest response need fewer digits.
 
 
 def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
@@ -90,5 +90,5 @@ def _receptance(
             both -= both[:, m + j, None] * (row / pivot)
     result = both[:p, :m]
     after = np.abs(result)
-    limit = _CANCELLED * np.maximum(after, _SMALL * after.max(axis=1, keepdims=True, initial=0.0))
+    limit = _CANCELLED * np.maximum(after, _MINOR * after.max(axis=1, keepdims=True, initial=0.0))
     return result if (EPS * before <= limit).all() else None

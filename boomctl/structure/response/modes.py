@@ -12,7 +12,7 @@ SMALL = 60  # Coordinates up to which modes are computed in strain coordinates a
 # Noise of stiffness over mass, in units of its lowest value, above which shapes from matrices have errors above 1e-10.
 GRADED = 30.0
 _NOISE = 1e3 * EPS  # Rounding: of stiffness over mass, of strain energy over its terms, of coordinates of unit mass.
-_SPREAD = 1e7  # Of stiffnesses, from which on the softest mode counts as nearly floating.
+_STIFFER = 1e7  # Of stiffnesses, from which on the softest mode counts as nearly floating.
 
 
 def undamped_modes(structure: Structure, count: int | None = None) -> tuple[Array, Array]:
@@ -47,7 +47,7 @@ def _inverted_modes(structure: Structure, count: int) -> tuple[Array, Array]:
     noise = _NOISE / EPS * structure.noise
     stiffness, shapes = _near(structure, noise if K.any() else 1.0, count)
     elastic = stiffness[stiffness > 0.1 * noise]
-    if len(elastic) and (len(elastic) < len(stiffness) or stiffness[-1] > _SPREAD * elastic[0]):
+    if len(elastic) and (len(elastic) < len(stiffness) or stiffness[-1] > _STIFFER * elastic[0]):
         stiffness, shapes = _near(structure, float(elastic[0]), count)
     if noise > GRADED * max(float(stiffness[0]), 0.0) and structure.strain_form is not None:
         return structure.strain_form.modes()

@@ -10,11 +10,11 @@ from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.response.modes import GRADED, undamped_modes
 
-_WHOLE = 100  # Coordinates up to which all poles are computed, so that none depends on how many are requested.
+_DENSE = 100  # Coordinates up to which all poles are computed, so that none depends on how many are requested.
 # Least imaginary part of an oscillatory pole, relative: overdamped motions, of which many are nearly equal, leave the real
 # axis by rounding.
 _CRITICAL = 1e-6
-_SPARE = 12  # Modes beyond twice those requested in a basis for damped poles.
+_EXTRA = 12  # Modes beyond twice those requested in a basis for damped poles.
 WARN_RTOL = 1e-8  # Warn above this rounding error of a frequency.
 # Of the square of the highest mode's frequency: a shift with which static responses of a floating structure exist.
 _STATIC = 1e-6
@@ -52,11 +52,11 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL, lea
         If the relative rounding error of the last pole may exceed ``limit``.
     """
     form, moving, modes = None, structure, None
-    if structure.graded or structure.n <= max(2 * count + 20, _WHOLE):
+    if structure.graded or structure.n <= max(2 * count + 20, _DENSE):
         form = structure.strain_form
     if form is None and structure.n > 2 * count + 20 and is_symmetric(structure.C):
         try:  # Modes and static responses to dampers are a basis for the lowest poles.
-            frequencies, V = undamped_modes(structure, 2 * count + _SPARE)
+            frequencies, V = undamped_modes(structure, 2 * count + _EXTRA)
             modes = with_statics(structure, frequencies, V, damper_forces(structure, V))
             moving = structure.projected(modes[1])
             if structure.noise > GRADED * modes[0][0] ** 2:  # Poles of rigid motions are then exactly zero.

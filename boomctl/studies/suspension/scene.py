@@ -19,7 +19,7 @@ SPRING = (0.7, 1.3)  # springs over those of Table 2; an assumption, for the pap
 MASS = (0.8, 1.2)  # boom's mass over that of Table 2; an assumption, for hoses and liquid are not weighed there
 FAMILY_ELEMENTS = 6  # of the paper's own mesh, whose frequencies are within 0.4 %: far less than the family spans
 _MAY_BE_ZERO = ("warmup_time", "delay", "stroke_resolution", "acceleration_resolution")
-_SPARE = 1.0  # track length beyond the final position of the front wheels [m]
+_RUNOUT = 1.0  # track length beyond the final position of the front wheels [m]
 
 
 @dataclass(frozen=True)
@@ -103,13 +103,13 @@ class FieldScenario:
             A longer way than the 10 km of ground that a seed has.
         """
         duration = self.warmup_time + self.duration
-        most = (GROUND_LENGTH - self.tractor.wheelbase - _SPARE) / self.speed
+        most = (GROUND_LENGTH - self.tractor.wheelbase - _RUNOUT) / self.speed
         if duration > most:
             raise ValueError(
                 f"warmup_time, duration = {self.warmup_time:g}, {self.duration:g}: expected at most {up_to(most)} s together"
                 f" at speed = {self.speed:g} m/s; the ground of a seed is {GROUND_LENGTH:g} m long"
             )
-        length = self.speed * duration + self.tractor.wheelbase + _SPARE
+        length = self.speed * duration + self.tractor.wheelbase + _RUNOUT
         track = iso_track(self.road_class, length=length, seed=self.seed, width=self.tractor.track_width)
         return platform_motion(track, self.tractor, self.speed, duration, self.sample_time)
 
