@@ -1,7 +1,6 @@
 """The spray boom: Table 1, convergence towards the exact beam, and weight."""
 
 from dataclasses import fields, replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -56,21 +55,6 @@ def test_table_1(discretization, share):
     else:
         assert np.delete(difference, 3).max() < 0.01
         assert 0.06 < difference[3] < 0.07
-
-
-def subdivided(times):
-    """Return nodes at tips, springs and hinge, and ``times`` elements between each two of them."""
-    marks = [-6.0, -0.659, 0.0, 0.659, 6.0]
-    pieces = [np.linspace(a, b, times + 1)[:-1] for a, b in pairwise(marks)]
-    return [*np.concatenate(pieces).tolist(), 6.0]
-
-
-@pytest.mark.parametrize("mode", range(5))
-def test_frequencies_converge_order_4_with_nodes_at_springs(mode):
-    exact = bc.exact_eigenfrequencies_hz(P, 5)[mode]
-    errors = [abs(bc.spray_boom(elements=subdivided(n)).eigenfrequencies_hz(5)[mode] - exact) for n in (3, 6, 12)]
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert orders == pytest.approx([4.0, 4.0], abs=0.25)
 
 
 def equal_element_errors(counts):

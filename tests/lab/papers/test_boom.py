@@ -77,20 +77,8 @@ def frequencies():
     return table_1(BoomParameters())
 
 
-def column(frequencies, name):
-    """Return what was computed and published of a method [Hz], and the difference in per cent."""
-    found = next(method for key, method in frequencies["methods"].items() if name in key)
-    return found["computed_hz"], found["published_hz"], found["difference_percent"]
-
-
-def test_table_1_is_met_but_for_the_fourth_geometrical_value(frequencies):
-    finite, printed, _ = column(frequencies, "finite")
-    assert np.abs(finite - printed).max() <= 1.5e-4
-    assert np.abs(column(frequencies, "Hermitian")[2]).max() < 0.15
-    _, printed, percent = column(frequencies, "geometrical")
-    assert np.abs(percent[:3]).max() < 0.5
-    assert abs(percent[4]) < 1.0
-    assert percent[3] == pytest.approx(-6.36, abs=0.01)
+def test_no_reading_of_the_geometrical_mass_meets_the_fourth_value(frequencies):
+    printed = [*frequencies["methods"].values()][-1]["published_hz"]
     for item in frequencies["readings_of_geometrical_mass"]:
         assert abs(item["computed_hz"][3] / printed[3] - 1.0) > 0.03
 
@@ -100,24 +88,6 @@ def test_table_1_without_dampers_is_the_undamped_exact_beam(frequencies):
     assert frequencies["exact_undamped_hz"] == pytest.approx(exact_eigenfrequencies_hz(undamped, 5), rel=1e-9)
     assert (np.abs(frequencies["exact_hz"] / frequencies["exact_undamped_hz"] - 1.0)[[1, 2]] > 1e-3).all()
     assert frequencies["exact_hz"][0] == pytest.approx(0.24415, abs=1e-5)  # nothing of Table 1 was tuned
-
-
-@pytest.mark.slow
-def test_the_errors_fall_with_the_expected_orders(reproduced):
-    found = reproduced.printed["convergence"]
-    error = {name: np.array(item["relative_error"]) for name, item in found.items()}
-
-    def order(name, first, last):
-        sizes = found[name]["elements"]
-        return np.log(error[name][first] / error[name][last]) / np.log(sizes[last] / sizes[first])
-
-    geometrical, equal = "discrete elements, geometrical mass", "finite elements, equal"
-    assert order("finite elements, nodes at hinge and springs", 8, 16) == pytest.approx(4.0, abs=0.25)
-    assert order(geometrical, 0, 5)[[0, 1, 2]] == pytest.approx(2.0, abs=1.0)
-    assert (error["discrete elements, Hermitian mass"] < error[geometrical]).all()
-    assert (np.diff(error[equal][:, 0]) > 0).any()
-    assert (order(equal, 3, len(error[equal]) - 1) > 2.5).all()
-    assert error["high-order elements, 4"][-1].max() < 1e-10
 
 
 @pytest.mark.slow
