@@ -11,15 +11,13 @@ from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
+from boomctl.lti.rounding import ALIKE, SUMMED
 
 _GAP = 5e-4  # Spacing of the times [s]: a pulse of 1 N m and this duration moves the tip of Table 1's beam by 1e-5 m.
 _FEWEST, _MOST = 2**14, 2**20  # Limits of the number of times: resolution of short motions, cost of long motions.
 _POINTS = 10  # Gauss points at which a function is evaluated on each step.
 _ROUGH = 1e-6  # Deviation from a polynomial, relative to the largest value, above which a step is halved.
-_SMALLEST = 1e-12  # Smallest step relative to the full duration: the effect of a jump within such a step is negligible.
-_PASSES = 45  # Halvings of a first step: 2^-45 is below the smallest step.
 _NEAR_END = 1e-6  # Distance over the step of further times to its ends: a jump between Gauss point and end is found.
-_END = 1e-9  # Distance to an end, over the step, below which a time may belong to the adjacent step.
 
 
 def even_times(end: float) -> Array:
@@ -50,7 +48,7 @@ def polynomial_errors(values: Array, begin: Array, length: Array, times: Array, 
     position = (times - begin[step]) / length[step]
     terms = values @ gauss_method(degree + 1).terms.T
     error = np.abs(samples - np.einsum("ki,ki->k", legendre.legvander(2.0 * position - 1.0, degree), terms[step]))
-    return np.where((position > _END) & (position < 1.0 - _END), error, 0.0), step
+    return np.where((position > ALIKE) & (position < 1.0 - ALIKE), error, 0.0), step
 
 
 def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
@@ -69,7 +67,7 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
     times = even_times(float(edges[-1]))
     result = function(times)
     largest = float(np.abs(result).max())
-    for _ in range(_PASSES):
+    while True:
         length = np.diff(edges)
         values = function(edges[:-1, None] + length[:, None] * nodes)
         largest = max(largest, float(np.abs(values).max()))
@@ -78,11 +76,10 @@ def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
         rough |= np.abs(near_ends - values @ at_ends.T).max(axis=1) > _ROUGH * largest
         error, step = polynomial_errors(values, edges[:-1], length, times, result)
         rough[step[error > _ROUGH * largest]] = True
-        rough &= 0.5 * length > _SMALLEST * edges[-1]
+        rough &= 0.5 * length > SUMMED * edges[-1]
         if not rough.any():
-            break
+            return edges
         # samples in smooth steps are not checked again
         open_ = rough[step]
         times, result = times[open_], result[open_]
         edges = np.sort(np.concatenate([edges, (edges[:-1] + 0.5 * length)[rough]]))
-    return edges

@@ -47,7 +47,6 @@ _MOST_WINDOWS = 600  # Most windows of a motion: as many steps as plain collocat
 _MORE_WINDOWS = 4.0
 _RESOLVED = 4.0  # Ratio of the windows that resolve a fast axial mode to the windows at which it counts as slow.
 _DECAYED = 300.0  # Largest decay rate times length of a window: its exponential and the inverse are finite.
-_FLAT = 1e-12  # Deviation at a sampled time, relative to the largest torque, below which it is a rounding error.
 _INSIDE = 1e-4  # Distance to the ends of a step, over the step, at which a torque is sampled in addition to the nodes.
 _TIGHTER = 0.1  # Factor on the error allowed in a window after all windows together exceeded the tolerance.
 _ATTEMPTS = 3  # Attempts, with ever tighter windows.
@@ -334,7 +333,7 @@ def _torque_errors(weights: _Weights, run: _Run, fine: Swept) -> Array:
     between, _ = polynomial_errors(nodes, begin, np.full(run.steps, h), times, result)
     size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
     error[error <= _ROUNDING * size] = 0.0
-    between[between <= _FLAT * size] = 0.0
+    between[between <= SUMMED * size] = 0.0
     push = weights.hub / run.scene.radius
     moved = np.array([weights.sizes[0, 1:] @ np.abs(push[1:]), weights.speed[0] * push[0]])
     return max(h * error.sum(), gap * between.sum()) * moved

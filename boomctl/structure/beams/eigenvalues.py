@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import DIGIT, warn_of_rounding
+from boomctl.lti.rounding import DIGIT, ROOT, warn_of_rounding
 from boomctl.structure.beams.exact import WARN_RTOL, ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
@@ -14,7 +14,6 @@ from boomctl.structure.response.poles import damped_poles
 _SECTIONS = 24  # Intervals per decade of the first search, which separates all roots at once.
 _ROUNDS = 60  # Limit on the iterations; bisection alone needs 56 to full accuracy, with secants about six.
 _AROUND = 1e-3  # Distance from the secant's root that is evaluated on both sides, as a fraction of the bracket.
-_NARROW = 1e-7  # Relative width of the narrowest bracket with an accurate derivative.
 _SLOWEST = 1e-30  # Lowest frequency, relative to the longest segment; below, double precision does not suffice.
 _CONVERGED = 1e-11  # Last step relative to the eigenvalue; quadratic convergence leaves only rounding error.
 _START = 1e-3  # Relative error of a start up to which Newton's method converges to the nearest eigenvalue.
@@ -40,7 +39,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
             break
         with np.errstate(invalid="ignore", divide="ignore"):
             secant = b * (at_a - at_b) / width
-            slope = np.where(np.isfinite(secant) & (width > _NARROW * b), secant, slope)
+            slope = np.where(np.isfinite(secant) & (width > ROOT * b), secant, slope)
             root = a + width * at_a / (at_a - at_b)
         root = np.where(np.isfinite(root), root, a + 0.5 * width)
         trial = np.sort([root - _AROUND * width, root + _AROUND * width, a + 0.5 * width], axis=0)

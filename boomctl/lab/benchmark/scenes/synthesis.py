@@ -18,6 +18,7 @@ from boomctl.boom.parameters import BoomParameters
 from boomctl.files import read_toml
 from boomctl.lab.benchmark.scene import Scene, settings, sized
 from boomctl.lti.python_control import control
+from boomctl.lti.rounding import ROOT
 from boomctl.reduction.reduce import reduce
 from boomctl.structure.model import split_symmetric
 from boomctl.synthesis.hinf.h_infinity import h_infinity
@@ -31,7 +32,6 @@ _NMEAS = _NCON = 2  # strokes measured, and forces
 _SIDES, _INPUTS, _OUTPUTS = ("sym", "anti"), ("actuator", "suspension"), ("tip", "stroke")
 _SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05}  # m, N, m, m: what counts as one
 _REFERENCE, _FASTEST = 1e-9, 1e9  # tolerance of the design whose proved bound is the reference; rad/s, its fastest pole
-_EQUAL = 1e-7  # Error below which errors count as equal.
 _START = 1000.0  # level from which slycot's bisection starts: a guess that is high enough
 _BEST = 1.2092993  # least level of this plant, as someone who knows it would tell slycot
 _PLANTS = Path(__file__).parents[1] / "plants.toml"
@@ -77,7 +77,7 @@ def excess(P: control.StateSpace, bound: float, K: control.StateSpace) -> float:
         return np.inf
     certified = hinf_norm(loop)
     norm = min(max(control.linfnorm(loop, tol=1e-10)[0], certified.lower_bound), certified.upper_bound)
-    return max(norm / bound - 1.0, _EQUAL)
+    return max(norm / bound - 1.0, ROOT)
 
 
 def h_infinity_scene() -> Scene:
@@ -105,7 +105,7 @@ def h_infinity_scene() -> Scene:
     return Scene(
         title="H-infinity synthesis, order 20",
         question="From the generalized plant of yaw and jolt suspension to a controller.",
-        measure=f"Norm of the loop over the proved bound that no controller beats, less one; at least {_EQUAL:.0e}.",
+        measure=f"Norm of the loop over the proved bound that no controller beats, less one; at least {ROOT:.0e}.",
         problem=suspension_plant,
         reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FASTEST).certificate.lower_bound,
         error=excess,
@@ -165,10 +165,10 @@ def tuning() -> Scene:
     return Scene(
         title="Gain minimizing the norm of two plants",
         question="From two published plants (COMPleib 1.1, HE1 and REA2) to a gain for each.",
-        measure=f"Norm of the loop over the least that twenty starts find, less one, the larger; at least {_EQUAL:.0e}.",
+        measure=f"Norm of the loop over the least that twenty starts find, less one, the larger; at least {ROOT:.0e}.",
         problem=published_plants,
         reference=lambda plants: norms(plants, ours(_STARTS, plants, 0.0, seed=1)),
-        error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, _EQUAL),
+        error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, ROOT),
         methods=(
             *settings("tune", "{} starts", (1, 2, 5, 10), ours, verified=True, ours=True),
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
