@@ -26,6 +26,8 @@ from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import is_frequency_response, is_statespace, of
 from boomctl.printing import compact
 from boomctl.structure.model import SecondOrderModel
+from boomctl.structure.response.poles import damped_poles
+from boomctl.units import warn_of_units
 
 ERRORS = ("relative", "absolute")
 RESPONSE = "complex frequency response"
@@ -348,14 +350,8 @@ def _frequencies(model: Any, data: Measured) -> Array:
     least = data.least
     wanted = least if data.modes else least + _FURTHER_MODES
     if isinstance(model, SecondOrderModel):
-        offered = np.zeros(0)
-        for count in range(min(wanted, model.ncoordinates), 0, -1):
-            try:
-                offered = model.eigenfrequencies_hz(count)
-                break
-            except ValueError:  # overdamped modes have none
-                if count <= least:
-                    raise
+        offered = damped_poles(model.structure, wanted, least=least).imag / (2.0 * np.pi)
+        warn_of_units(offered)
     elif hasattr(model, "divergence_speed"):  # a hub-beam
         offered = np.asarray(model.eigenfrequencies_hz(), dtype=float)
     elif is_statespace(model):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, positive, real, sequence, shown, signal_name
+from boomctl.checks import finite_array, known, positive, shown, signal_name, span
 from boomctl.printing import compact
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -125,16 +125,7 @@ def band(frequency_range_hz: Any, top: float) -> tuple[float, float]:
     """Return a band of frequencies [Hz] below the Nyquist frequency."""
     if frequency_range_hz is None:
         return 0.0, top
-    ends = sequence("frequency_range_hz", frequency_range_hz, "two frequencies [Hz]")
-    if len(ends) != 2:
-        raise ValueError(
-            f"frequency_range_hz = {shown(frequency_range_hz)}: expected two frequencies [Hz], got {len(ends)}"
-        )
-    low, high = (real("frequency_range_hz", end) for end in ends)
-    if not 0.0 <= low < high:
-        raise ValueError(
-            f"frequency_range_hz = {shown(frequency_range_hz)}: expected frequencies not below zero that ascend"
-        )
+    low, high = span("frequency_range_hz", frequency_range_hz)
     if high > top * (1.0 + _WHOLE):
         raise ValueError(
             f"frequency_range_hz = {shown(frequency_range_hz)}: expected at most {top:g} Hz, the highest that was measured"

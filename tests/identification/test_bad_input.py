@@ -96,7 +96,7 @@ fit_boom(model=lambda p: bc.spray_boom(**p), data=[0.3], free=['boom_mass'], ini
 fit_boom(data=control.frd([1.0, np.nan], [1.0, 2.0])) -> expected finite
 # records
 bc.identify(record()[0][:, [0, 0]], record()[1], STEP) -> linearly dependent inputs cannot be separated
-identify(frequency_range_hz=(1.0, 2.0, 3.0)) -> expected two frequencies
+identify(frequency_range_hz=(1.0, 2.0, 3.0)) -> `frequency_range_hz` must be two nonnegative numbers, ascending
 identify(confidence_level=1.0) -> confidence_level = 1.0: expected a number from 0.5 to below 1
 identify(slice(0, 60)) -> at least 48 lines of the spectrum
 identify(error_model="relative") -> error_model = 'relative': expected None for a record

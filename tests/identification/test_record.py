@@ -73,6 +73,7 @@ def test_record_with_rests_between_steps_is_accepted():
     for outputs in (y, y[:, :1], y[:, 1:]):
         assert np.diff(np.flatnonzero(np.diff(outputs, axis=0).any(axis=1))).max() > 300  # a rest before the step
         read(u, outputs)
+    read(u, 0.01 * np.round(100.0 * (1.0 - np.exp(-np.arange(6400.0) / 3000.0))))  # the last digit alone changes
 
 
 @pytest.mark.parametrize("lost", ["zero", "held"])

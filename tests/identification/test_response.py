@@ -283,7 +283,6 @@ record(inputs=np.random.default_rng(1).standard_normal((50, 6)), outputs=Y[:50])
     -> expected records of at least 64 samples for 6 inputs, got 50
 record(inputs=F[None, :]) -> expected one row per sample, got shape \(1, 500\); is it transposed
 record(frequency_range_hz=(1.0, 30.0)) -> frequency_range_hz = .*: expected at most 25 Hz
-record(frequency_range_hz=(2.0, 1.0)) -> frequency_range_hz = .*: expected frequencies not below zero that ascend
 record(quantity={"x": "velocity"}) -> unknown output in quantity 'x'
 record(outputs={"f": Y}) -> outputs: 'f' is the name of an input too
 record(period=0.031) -> period = 0.031: expected a whole number of samples
