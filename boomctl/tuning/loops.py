@@ -17,7 +17,7 @@ _HAIR = 1e-7  # relative perturbation that separates defective eigenvalues: far 
 _ILL_POSED = 1e-10  # smallest singular value of I - K D22 up to which a loop is not well-posed
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class ScaledPlant(GeneralizedPlant):
     """Generalized plant with balanced states, and its derivatives by physical parameters.
 

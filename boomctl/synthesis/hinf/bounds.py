@@ -245,7 +245,7 @@ def lowest_level(
     if relaxed.reason:
         raise SynthesisError(f"No suboptimal controller was found at gamma = inf (H2 synthesis): {relaxed.reason}.")
     F, L = (_gain(plant, np.inf, X)[plant.nw :] for plant, X in ((ready, relaxed.X), (ready.dual, relaxed.Y)))
-    frequency, omega = frequency_bound(ready, F, L.T)
+    frequency, omega = max(unreachable_gain(ready, F), unreachable_gain(ready.dual, L))
     poles = ready.system.poles, *(np.linalg.eigvals(A) for A in (ready.A + ready.B2 @ F, ready.A + L.T @ ready.C2))
     band = float(np.abs(np.concatenate(poles)).max(initial=0.0))
     levels = _bisected(ready, relaxed, frequency, rtol, np.inf if wanted is None else wanted, deadline)
@@ -313,15 +313,7 @@ def _typical_gain(ready: NormalizedPlant) -> float:
     return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, TINY)) or 1.0
 
 
-def frequency_bound(ready: NormalizedPlant, F: Array, L: Array) -> tuple[float, float]:
-    """Return a norm that no controller goes below, and the frequency at which this holds [rad/s], possibly infinite.
-
-    ``F`` and ``L`` are the H2-optimal state feedback to the controls and output injection from the measurements.
-    """
-    return max(_unreachable_gain(ready, F), _unreachable_gain(ready.dual, L.T))
-
-
-def _unreachable_gain(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
+def unreachable_gain(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
     """Return the peak over frequency of the gain orthogonal to the controls, and its frequency."""
     free, nw = plant.nz - plant.ncon, plant.nw
     if free == 0:

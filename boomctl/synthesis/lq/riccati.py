@@ -135,8 +135,8 @@ class RiccatiSolution:
         return max(errors) if self.abscissa < 0.0 else float("inf")
 
 
-Newton = Callable[[Array, Array, Array | None], Array]
-"""Return the Newton step by the matrix of the loop, the residual and, if it is small, the cost of each state."""
+Newton = Callable[[Array, Array], Array]
+"""Return the Newton step by the matrix of the loop and the residual."""
 
 Change = tuple[Array, Array]
 """A change of coordinates ``x = T z`` and its inverse."""
@@ -236,31 +236,30 @@ def schur_solution(A: Array, G: Array, Q: Array) -> Array | None:
 def _refined(problem: RiccatiProblem, X: Array, newton: Newton) -> RiccatiSolution:
     """Return a solution after as many Newton steps as improve it; it is exactly zero for states without a cost."""
     costly = np.outer(problem.costly, problem.costly)
-    best, step = _assessed(problem, X * costly, newton, False)
+    best, step = _assessed(problem, X * costly, newton)
     for _ in range(_MAX_STEPS):
         if step is None or best.relative_error <= _SOLVED:
             break
-        near = best.cost_error < _NEAR
-        result, step = _assessed(problem, even(best.X + step) * costly, newton, near)
-        if near and result.relative_error >= best.relative_error:
+        result, step = _assessed(problem, even(best.X + step) * costly, newton)
+        if best.cost_error < _NEAR and result.relative_error >= best.relative_error:
             break
         best = result
     return best
 
 
-def _assessed(problem: RiccatiProblem, X: Array, newton: Newton, near: bool) -> tuple[RiccatiSolution, Array | None]:
+def _assessed(problem: RiccatiProblem, X: Array, newton: Newton) -> tuple[RiccatiSolution, Array | None]:
     """Return a solution with its errors, and the Newton step from there; None if the loop is not stable."""
     own = np.asarray(X, dtype=float)
     gain, cost = problem.gain(own), np.maximum(np.diag(own), 0.0)
     closed = problem.A - problem.B @ gain
     poles = np.asarray(linalg.eigvals(closed), dtype=complex)
     abscissa, (residual, error) = float(rates_of(poles, problem.dt).real.max()), problem.residual(X, gain)
-    step = newton(closed, residual, cost if near else None) if abscissa < 0.0 else None
+    step = newton(closed, residual) if abscissa < 0.0 else None
     cost_error = np.inf if step is None else _scaled_norm(step, cost)
     return RiccatiSolution(X, gain, poles, error, cost_error, abscissa), step
 
 
-def _continuous_step(change: Change, closed: Array, residual: Array, _: Array | None) -> Array:
+def _continuous_step(change: Change, closed: Array, residual: Array) -> Array:
     """Return the solution of the Lyapunov equation of a loop, solved in other coordinates."""
     T, inverse = change
     balanced, d = balance(inverse @ closed @ T)
@@ -303,10 +302,10 @@ def _by_doubling(p: RiccatiProblem) -> Array:
     return H
 
 
-def _discrete_step(closed: Array, residual: Array, cost: Array | None) -> Array:
-    """Return the solution of the equation of a loop, with each state scaled by its own cost if these are given."""
-    d = balance(closed)[1] if cost is None else 1.0 / np.sqrt(np.where(cost > 0.0, cost, 1.0))
-    return even(_summed(closed * d / d[:, None], even(residual) * np.outer(d, d))) / np.outer(d, d)
+def _discrete_step(closed: Array, residual: Array) -> Array:
+    """Return the solution of the equation of a loop, with balanced states."""
+    balanced, d = balance(closed)
+    return even(_summed(balanced, even(residual) * np.outer(d, d))) / np.outer(d, d)
 
 
 def _summed(A: Array, R: Array) -> Array:

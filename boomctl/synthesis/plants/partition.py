@@ -1,7 +1,7 @@
 """Generalized plants: their partition into disturbances and controls, performance outputs and measurements; normal form."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -37,7 +37,7 @@ _MAX_CONDITION = 1e5  # Of the modal basis; modes with nearly dependent eigenvec
 FEEDTHROUGH_RTOL = 1e-10  # Rounding residue of a canceled feedthrough, relative to D11.
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class GeneralizedPlant:
     """``x' = A x + B1 w + B2 u``, ``z = C1 x + D11 w + D12 u``, ``y = C2 x + D21 w + D22 u``.
 
@@ -58,32 +58,16 @@ class GeneralizedPlant:
     system: Lti
     nmeas: int
     ncon: int
-    nw: int = field(init=False, repr=False, compare=False)
-    nz: int = field(init=False, repr=False, compare=False)
-    A: Array = field(init=False, repr=False, compare=False)
-    B1: Array = field(init=False, repr=False, compare=False)
-    B2: Array = field(init=False, repr=False, compare=False)
-    C1: Array = field(init=False, repr=False, compare=False)
-    C2: Array = field(init=False, repr=False, compare=False)
-    D11: Array = field(init=False, repr=False, compare=False)
-    D12: Array = field(init=False, repr=False, compare=False)
-    D21: Array = field(init=False, repr=False, compare=False)
-    D22: Array = field(init=False, repr=False, compare=False)
-    disturbances: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    controls: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    performance: tuple[str, ...] = field(init=False, repr=False, compare=False)
-    measurements: tuple[str, ...] = field(init=False, repr=False, compare=False)
 
     __repr__ = compact
 
     def __post_init__(self) -> None:
         s = self.system
-        nz, nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
-        (B1, B2), (C1, C2) = np.split(s.B, [nw], axis=1), np.split(s.C, [nz])
-        (D11, D12), (D21, D22) = (np.split(D, [nw], axis=1) for D in np.split(s.D, [nz]))
-        vars(self).update(nz=nz, nw=nw, A=s.A, B1=B1, B2=B2, C1=C1, C2=C2, D11=D11, D12=D12, D21=D21, D22=D22)
-        vars(self).update(disturbances=s.input_labels[:nw], controls=s.input_labels[nw:])
-        vars(self).update(performance=s.output_labels[:nz], measurements=s.output_labels[nz:])
+        self.nz, self.nw = nz, nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
+        self.A, (self.B1, self.B2), (self.C1, self.C2) = s.A, np.split(s.B, [nw], axis=1), np.split(s.C, [nz])
+        (self.D11, self.D12), (self.D21, self.D22) = (np.split(D, [nw], axis=1) for D in np.split(s.D, [nz]))
+        self.disturbances, self.controls = s.input_labels[:nw], s.input_labels[nw:]
+        self.performance, self.measurements = s.output_labels[:nz], s.output_labels[nz:]
 
     @property
     def dual(self) -> "GeneralizedPlant":
@@ -250,7 +234,7 @@ def cancelled(loop: Lti, D11: Array) -> Lti:
     return loop
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class NormalizedPlant(GeneralizedPlant):
     """Plant with ``D12 = [0; I]``, ``D21 = [0, I]``, ``D22 = 0`` and scaled modal states.
 
