@@ -14,6 +14,7 @@ from boomctl.checks import exactly, finite_array, known, positive, sequence, sho
 from boomctl.structure.assembly import Assembly
 from boomctl.structure.beams.elements import MOST_ELEMENTS, DiscreteElements, FiniteElements
 from boomctl.structure.displacement_input import prescribe_displacement
+from boomctl.structure.layout import CACHE_SIZE
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.parts import (
     GROUND,
@@ -33,7 +34,6 @@ from boomctl.structure.symmetry import Mirror, SignalPair, beam_reflection, mirr
 
 ACTUATORS = ("actuator_left", "actuator_right")
 TIPS = ("tip_left", "tip_right")
-_CACHED_MIRRORS = 8  # Number of cached mirrors, each of one mesh.
 DISCRETIZATIONS = ("finite", "high-order", "discrete-hermite", "discrete-geometric")
 
 _PAIRS = (
@@ -187,7 +187,7 @@ def _nozzle_pairs(positions: Sequence[float]) -> tuple[SignalPair, ...]:
     return (*pairs, SignalPair(nozzle_name(count // 2), nozzle_name(count // 2))) if count % 2 else tuple(pairs)
 
 
-@lru_cache(maxsize=_CACHED_MIRRORS)
+@lru_cache(maxsize=CACHE_SIZE)
 def boom_mirror(coordinates: tuple[str, ...], nozzles: tuple[float, ...] = ()) -> Mirror | None:
     """Return the reflection about the hinge; None where the mesh has no mirror image."""
     images = {

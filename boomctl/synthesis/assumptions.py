@@ -12,7 +12,6 @@ from boomctl.lti.rounding import SOLVED
 from boomctl.synthesis.plants.partition import GeneralizedPlant, NormalizedPlant, normalized
 
 _RANK_RTOL = 1e-10  # Least singular value of D12 or D21 with unit columns; its inverse must have six digits.
-_ZERO_RTOL = 1e-14  # A column below this fraction of the largest one is rounding.
 _NAMED_FRACTION = 1e-3  # Least part in a dependent combination for which a signal is named.
 
 
@@ -53,7 +52,7 @@ def check_ranks(plant: GeneralizedPlant) -> None:
 def _dependent(columns: Array, names: tuple[str, ...], what: str) -> list[str]:
     """Return the name of a column that vanishes or, failing that, of a combination of columns that does."""
     sizes = np.linalg.norm(columns, axis=0)
-    zero = [f"{what} {name!r}" for name, size in zip(names, sizes, strict=True) if size <= _ZERO_RTOL * sizes.max()]
+    zero = [f"{what} {name!r}" for name, size in zip(names, sizes, strict=True) if size <= SOLVED * sizes.max()]
     if zero:
         return zero[:1]
     _, values, right = linalg.svd(columns / sizes)

@@ -10,12 +10,11 @@ from boomctl.analysis.norm import NormBounds, level_norm, matrices_norm
 from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import CERTIFIED
+from boomctl.lti.rounding import CERTIFIED, LEVEL
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.printing import count as counted
 from boomctl.progress import Deadline, tell
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
-from boomctl.synthesis.hinf.bounds import REFUTED_RTOL
 from boomctl.synthesis.lq.h2 import h2
 from boomctl.synthesis.plants.channels import Channel, channel_of, signal_indices
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -62,7 +61,7 @@ def edge_of(plant: GeneralizedPlant, loop: Lti) -> str:
     before, after = plant.system.poles, loop.poles
     sizes = np.abs(before[before != 0.0])
     slowest = float(sizes.min(initial=np.inf)) if len(sizes) else 1.0
-    slowest = max(slowest, REFUTED_RTOL * float(sizes.max(initial=0.0)))
+    slowest = max(slowest, LEVEL * float(sizes.max(initial=0.0)))
     if not len(after):
         return ""
     relative_decay = -after.real / (np.abs(after) + slowest)
@@ -112,7 +111,7 @@ def lower_bound(
         except (SynthesisError, np.linalg.LinAlgError, ValueError, ArithmeticError) as error:
             reasons.append(str(error))
             continue
-        if bound > value * (1.0 + REFUTED_RTOL):
+        if bound > value * (1.0 + LEVEL):
             reasons.append("the bound was made by rounding")
             continue
         if min(bound, value) > best:

@@ -19,7 +19,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.rounding import ALIKE, TINY
+from boomctl.lti.rounding import ALIKE, LEVEL, TINY
 from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.printing import compact
 from boomctl.progress import Deadline
@@ -32,13 +32,11 @@ _SECANT_MARGIN = 0.5  # Excess of a level over the secant, relative to rtol and 
 _FIRST_GROWTH, _MAX_GROWTH = 1.1, 1e10  # Growth of the first levels, squared with each one that is not reached.
 _MAX_LEVELS = 80  # Every fourth one halves the interval; 20 halvings reduce a ratio of 1e9 to 1 + 2e-5.
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
-_SLOWEST = 1e-9  # Poles below this fraction of the fastest one set no frequency of the bound.
 _ZERO_LEVEL = 1e-8  # A level below this fraction of the gain of the plant is zero.
 _INDEFINITE_RTOL = 1e-8  # A negative eigenvalue of X below this fraction of the largest one is rounding error.
 # Least ratio of the singular values of I + D_K D22. The loop of the central controller loses three digits below it.
 _MIN_WELL_POSEDNESS = 1e-3
 _COUPLING = "state feedback and estimation together do not reach it (rho(XY) >= gamma^2)"
-REFUTED_RTOL = 1e-6  # A verified norm refutes a bound that exceeds it by more; a tenth of the tolerance of norms.
 
 
 def _disturbance_terms(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Array, Array]:
@@ -222,7 +220,7 @@ class Bounds:
             Bounds up to the norm.
         """
         frequency, riccati = (
-            0.0 if bound > norm * (1.0 + REFUTED_RTOL) else min(bound, norm) for bound in (self.frequency, self.riccati)
+            0.0 if bound > norm * (1.0 + LEVEL) else min(bound, norm) for bound in (self.frequency, self.riccati)
         )
         return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
 
@@ -262,7 +260,10 @@ def _bisected(
 
     The levels grow until one is reached. Then the interval is divided at the secant or, every fourth time, halved.
     """
-    size, tolerance = _typical_gain(ready), _SEARCH_RTOL * rtol
+    B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
+    rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)
+    size = float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, TINY)) or 1.0  # The gain of the plant, estimated.
+    tolerance = _SEARCH_RTOL * rtol
     low, high, levels = max(frequency, relaxed.radius), np.inf, [relaxed]
     base, growth = low or size, _FIRST_GROWTH
     gamma = base * (1.0 + FIRST_LEVEL * rtol)
@@ -306,13 +307,6 @@ def _secant(levels: list[Level], tolerance: float) -> float:
         return float(unit / np.sqrt(inverse[0, 0] - slope * gap[0]) * (1.0 + _SECANT_MARGIN * tolerance * abs(slope)))
 
 
-def _typical_gain(ready: NormalizedPlant) -> float:
-    """Return an estimate of the gain of the plant: the first level, if there is no lower bound."""
-    B1, C1 = np.linalg.norm(ready.B1), np.linalg.norm(ready.C1)
-    rate = np.linalg.norm(ready.A) + C1 * np.linalg.norm(ready.B2) + B1 * np.linalg.norm(ready.C2)
-    return float(np.linalg.norm(ready.D11) + C1 * B1 / max(rate, TINY)) or 1.0
-
-
 def unreachable_gain(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
     """Return the peak over frequency of the gain orthogonal to the controls, and its frequency."""
     free, nw = plant.nz - plant.ncon, plant.nw
@@ -335,7 +329,7 @@ def unreachable_gain(plant: GeneralizedPlant, F: Array) -> tuple[float, float]:
         return rest(response) if np.isfinite(response).all() else np.full(len(omega), np.inf)
 
     size = np.abs(np.concatenate([system.poles, plant.system.poles]))
-    size = size[size > _SLOWEST * size.max()]
+    size = size[size > ALIKE * size.max()]  # Slower ones set no frequency of the bound.
     low, high = (size.min(), size.max()) if len(size) else (1.0, 1.0)
     grid = resonance_grid(np.zeros(0), low / 10.0, high * 10.0, points=SEARCHED, also=[0.0, *size])
     peak, omega = confirmed_peak(

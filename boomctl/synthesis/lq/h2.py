@@ -12,6 +12,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.printing import system
 from boomctl.synthesis.assumptions import check_ranks, checked
@@ -20,7 +21,6 @@ from boomctl.synthesis.lq.lqg import certify, least_cost, observer
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solution_of
 from boomctl.synthesis.plants.full_plant import origin_of
 from boomctl.synthesis.plants.partition import (
-    FEEDTHROUGH_RTOL,
     GeneralizedPlant,
     cancelled,
     partition,
@@ -169,7 +169,7 @@ def _without_feedthrough(p: GeneralizedPlant) -> tuple[GeneralizedPlant, Array]:
         direct = -np.linalg.pinv(p.D12) @ D11 @ np.linalg.pinv(p.D21)
         left = D11 + p.D12 @ direct @ p.D21
         i, j = np.unravel_index(np.argmax(np.abs(left)), left.shape)
-        if abs(left[i, j]) > FEEDTHROUGH_RTOL * np.abs(D11).max():
+        if abs(left[i, j]) > ALIKE * np.abs(D11).max():
             raise SynthesisError(
                 f"The H2 norm is infinite: disturbance {p.disturbances[j]!r} has a feedthrough {D11[i, j]:.4g} to performance"
                 f" output {p.performance[i]!r}, which no controller cancels. Filter one of them."

@@ -17,6 +17,7 @@ from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import CURVE, highest_peak, resonance_grid, singular_values
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides, transmission_zeros
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, lower_lft, rates_of, series
 from boomctl.printing import count, listed, system
 from boomctl.reduction.result import ReductionResult
@@ -33,8 +34,6 @@ if TYPE_CHECKING:
     import control
 
     from boomctl.structure.model import SecondOrderModel
-
-_RIGHT_RTOL = 1e-9  # Real part of a zero in the right half-plane, relative to its modulus.
 
 
 @dataclass(frozen=True)
@@ -390,4 +389,4 @@ def loop_transfer_recovery(
         single = resonances[np.imag(resonances) >= 0.0]  # Computed conjugate zeros differ by rounding.
         errors.append(highest_peak(partial(error, K), resonance_grid(single, low, high))[0])
     zeros = transmission_zeros(inner)
-    return RecoveryResult(intensities, np.array(errors), zeros[zeros.real > _RIGHT_RTOL * np.abs(zeros)], designs)
+    return RecoveryResult(intensities, np.array(errors), zeros[zeros.real > ALIKE * np.abs(zeros)], designs)

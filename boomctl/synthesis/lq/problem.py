@@ -14,6 +14,7 @@ from boomctl.checks import finite_array, known, real, within
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import unmoved
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import Lti, of
 from boomctl.synthesis.assumptions import check_hidden_modes
 from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, solution_of
@@ -21,9 +22,7 @@ from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, soluti
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
 
-_DEFINITE_RTOL = 1e-12  # Eigenvalue of a weight with unit diagonal, by row, that is rounding.
 _RANGE = 1e-60, 1e60  # Of the entries of weights, whose products must not overflow.
-_ASYMMETRY_RTOL = 1e-10  # Asymmetry of a weight, relative to its largest entry, that is rounding.
 
 
 def plant_of(system: object, *, sampled: bool = False) -> Lti:
@@ -48,7 +47,7 @@ def semidefinite(what: str, value: Weight, signals: Sequence[str]) -> Array:
     TypeError, ValueError
         If the shape is wrong, if it is not symmetric or semidefinite, or if a name is unknown.
     """
-    return _checked(what, value, signals, "semidefinite", -_DEFINITE_RTOL * max(len(signals), 1))
+    return _checked(what, value, signals, "semidefinite", -SUMMED * max(len(signals), 1))
 
 
 def definite(what: str, value: Weight, signals: Sequence[str]) -> Array:
@@ -63,7 +62,7 @@ def definite(what: str, value: Weight, signals: Sequence[str]) -> Array:
     for name in signals:
         if name not in named:
             raise ValueError(f"`{what}` must have a weight for each of {', '.join(signals)}, got none for {name!r}.")
-    return _checked(what, value, signals, "definite", _DEFINITE_RTOL)
+    return _checked(what, value, signals, "definite", SUMMED)
 
 
 def _checked(what: str, value: Weight, signals: Sequence[str], kind: str, limit: float) -> Array:
@@ -94,7 +93,7 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
     if array.shape != (n, n):
         raise ValueError(f"`{what}` must be a number, {n} numbers or a {n} by {n} matrix, got shape {array.shape}.")
     asymmetry = np.abs(array - array.T)
-    if asymmetry.max(initial=0.0) > _ASYMMETRY_RTOL * np.abs(array).max(initial=0.0):
+    if asymmetry.max(initial=0.0) > ALIKE * np.abs(array).max(initial=0.0):
         i, j = (int(k) for k in np.unravel_index(np.argmax(asymmetry), array.shape))
         raise ValueError(
             f"`{what}` must be symmetric, got {array[i, j]:.6g} at ({i}, {j}) and {array[j, i]:.6g} at ({j}, {i})."

@@ -10,6 +10,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.checks import exactly, whole
 from boomctl.lti.modal import block_diagonal
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.sampled import same_time
 from boomctl.lti.system import (
     Lti,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 OUTPUT_PREFIXES = ("z_",)  # Of performance outputs.
 INPUT_PREFIXES = ("w_", "n_", "r_")  # Of disturbances, noise and references.
 _MAX_CONDITION = 1e5  # Of the modal basis; modes with nearly dependent eigenvectors share a block.
-FEEDTHROUGH_RTOL = 1e-10  # Rounding residue of a canceled feedthrough, relative to D11.
 
 
 @dataclass(eq=False)
@@ -229,7 +229,7 @@ def with_feedthrough(K: Lti, D22: Array) -> Lti:
 def cancelled(loop: Lti, D11: Array) -> Lti:
     """Return a continuous-time loop without the rounding residue of a feedthrough that the controller cancels."""
     residue = np.abs(loop.D).max(initial=0.0)
-    if loop.dt == 0.0 and residue <= 10.0 * FEEDTHROUGH_RTOL * np.abs(D11).max(initial=0.0):
+    if loop.dt == 0.0 and residue <= ALIKE * np.abs(D11).max(initial=0.0):
         return replace(loop, D=np.zeros_like(loop.D))
     return loop
 

@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.modal import block_diagonal, resolved
-from boomctl.lti.rounding import EPS, ROOT
+from boomctl.lti.rounding import ALIKE, ROOT, SOLVED
 from boomctl.lti.system import Lti, append, check_scales, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
@@ -20,11 +20,8 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_RANK_RTOL = 1e-9  # Reciprocal condition number below which states are unreachable or unobservable.
 _RESPONSE_RTOL = 1e-6  # Largest relative change of the response of a subsystem.
-_POLE_RTOL = 100.0 * EPS  # Rounding error of the poles, relative to the norm of A.
-_CLUSTER_RTOL = 1e-3  # Poles whose moduli are closer than this are reduced together.
-_GAP = 1e-3  # Relative distance of frequencies from undamped poles.
+_GAP = 1e-3  # Poles whose moduli are closer than this are reduced together; frequencies are as far from undamped ones.
 
 
 @one_blas_thread
@@ -134,7 +131,7 @@ def split_controller(
     parts = {(i, j): sides[i][1] @ response @ sides[j][0] / units[j] for i in (0, 1) for j in (0, 1)}
     gains = {key: float(np.abs(part).max(initial=0.0)) for key, part in parts.items()}
     nearest = np.abs(1j * grid[:, None] - K.poles).min(axis=1, initial=np.inf)
-    pole_error = _POLE_RTOL * float(np.linalg.norm(K.A)) / nearest
+    pole_error = SOLVED * float(np.linalg.norm(K.A)) / nearest
     result = []
     for k, (read, drive, inputs, outputs) in enumerate(sides):
         gain = np.maximum(np.abs(parts[k, k]).max(axis=(1, 2), initial=0.0), ROOT * max(gains.values()))
@@ -171,8 +168,8 @@ def _clusters(K: Lti) -> list[Lti]:
     B, C = linalg.solve(columns, K.B), K.C @ columns
     blocks = np.split(np.arange(len(A)), np.cumsum(widths)[:-1])
     size = np.array([np.abs(linalg.eigvals(A[np.ix_(states, states)])).mean() for states in blocks])
-    order, error = np.argsort(size), _POLE_RTOL * float(np.linalg.norm(A))
-    cuts = np.flatnonzero(np.diff(size[order]) > _CLUSTER_RTOL * size[order][1:] + error) + 1
+    order, error = np.argsort(size), SOLVED * float(np.linalg.norm(A))
+    cuts = np.flatnonzero(np.diff(size[order]) > _GAP * size[order][1:] + error) + 1
     groups = [np.concatenate([blocks[k] for k in group]) for group in np.split(order, cuts)]
     return [Lti(A[np.ix_(states, states)], B[states], C[:, states], K.D) for states in groups]
 
@@ -187,7 +184,7 @@ def _minimal(part: Lti, read: Array, drive: Array) -> Lti:
     A, B, C, order = np.zeros((0, 0)), np.zeros((n, max(m, p))), np.zeros((max(m, p), n)), 0
     B[:, :m], C[:p] = part.B @ read / sizes[0], drive @ part.C / sizes[1]
     if n and m and p:
-        A, B, C, order = slycot.tb01pd(n, m, p, part.A, B, C, "M", "N", _RANK_RTOL)
+        A, B, C, order = slycot.tb01pd(n, m, p, part.A, B, C, "M", "N", ALIKE)
     return Lti(A[:order, :order], B[:order, :m] * sizes[0], C[:p, :order] * sizes[1], np.zeros((p, m)))
 
 
