@@ -220,8 +220,6 @@ def _scaled(A: Array, acting: Array, Q: Array) -> Change:
 
 def schur_solution(A: Array, G: Array, Q: Array) -> Array | None:
     """Return the stabilizing solution of ``A^T X + X A - X G X + Q = 0`` by Schur vectors; None if that fails."""
-    if not all(np.isfinite(part).all() for part in (A, G, Q)):
-        return None
     if not len(A):
         return Q
     sizes = np.sqrt([np.linalg.norm(G), np.linalg.norm(Q)])
