@@ -11,7 +11,6 @@ from boomctl.lti.modal import block_diagonal
 from boomctl.lti.rounding import TINY
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
 _INDEPENDENT = 1e7  # norm of the inverse eigenvector matrix up to which responses have eight accurate digits
 _HAIR = 1e-7  # relative perturbation that separates defective eigenvalues: far below the tolerance of the norms
 _ILL_POSED = 1e-10  # smallest singular value of I - K D22 up to which a loop is not well-posed
@@ -128,11 +127,6 @@ class Closed:
     def abscissa(self) -> float:
         """Largest real part of the poles."""
         return float(self.poles.real.max(initial=-np.inf))
-
-    @property
-    def margin(self) -> float:
-        """Required distance of the poles from the imaginary axis, above rounding error."""
-        return _MARGIN * float(np.abs(self.poles).max(initial=0.0))
 
     @cached_property
     def modes(self) -> tuple[Array, Array, Array]:

@@ -18,6 +18,7 @@ from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 
+_MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
 _TINY = 1e-100  # norm in place of zero, with a finite logarithm
 # relative distance within which a peak represents another frequency: their second derivatives are nearly equal
 PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
@@ -173,7 +174,8 @@ class Point:
             loop = self.loop(model)
             if self.curves:
                 _ = loop.coordinates  # needed for peaks next, and contain the poles
-            if not loop.abscissa < -loop.margin:
+            # above rounding error
+            if not loop.abscissa < -_MARGIN * float(np.abs(loop.poles).max(initial=0.0)):
                 return False
         return True
 
@@ -393,11 +395,8 @@ class Point:
 
     def h2(self, model: int, channel: int) -> tuple[float, Array]:
         """Return an H2 norm and the gradient of its logarithm."""
-        if (model, channel) not in self._squares:
-            self._squares[model, channel] = self._h2_and_gradient(model, channel)
-        return self._squares[model, channel]
-
-    def _h2_and_gradient(self, model: int, channel: int) -> tuple[float, Array]:
+        if (model, channel) in self._squares:
+            return self._squares[model, channel]
         loop, rows, columns = self.loop(model), self.problem.rows[channel], self.problem.columns[channel]
         B, C, n = loop.B[:, columns], loop.C[rows], len(loop.A)
         P, Q = _gramian(loop.A, B), _gramian(loop.A.T, C.T)
@@ -407,7 +406,8 @@ class Point:
         full[np.ix_(np.arange(n), n + columns)] = Q @ B
         full[np.ix_(n + rows, np.arange(n))] = C @ P
         gradient = self.jacobian(model) @ (loop.before.T @ full @ loop.after.T).ravel() / square
-        return float(np.sqrt(square)), gradient
+        self._squares[model, channel] = float(np.sqrt(square)), gradient
+        return self._squares[model, channel]
 
 
 def _gramian(A: Array, B: Array) -> Array:

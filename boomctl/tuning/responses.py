@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.frequency import top_of_resonance
+from boomctl.lti.rounding import TINY
 from boomctl.tuning.loops import Closed
 
 _POINTS = 24  # logarithmically spaced grid points, in addition to the resonances
@@ -131,15 +132,10 @@ class Response:
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
+        (p, m), D = self.D.shape, self.D[:, :, None]
         if self.A.ndim == 2:  # without independent eigenvectors, which is rare
-            B, C = self._ends
-            x = np.zeros((*B.shape, len(omega)), complex)
-            for i in range(len(x) - 1, -1, -1):  # by substitution from the last state
-                known = np.tensordot(self.A[i, i + 1 :], x[i + 1 :], 1)
-                x[i] = (B[i][:, None] + known) / (1j * omega - self.A[i, i])
-            return np.tensordot(C, x, 1) + self.D[:, :, None]
-        G = self._residues @ (1.0 / (1j * omega - self.A[:, None]))
-        return G.reshape(*self.D.shape, len(omega)) + self.D[:, :, None]
+            return np.moveaxis(self.through_states(omega, 1)[:, :p, :m], 0, 2) + D
+        return (self._residues @ (1.0 / (1j * omega - self.A[:, None]))).reshape(p, m, len(omega)) + D
 
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""
@@ -204,7 +200,8 @@ class Response:
         A, (enters, leaves, _) = self.A, self._paths
         if A.ndim == 1:
             return (leaves * (1j * omega[:, None] - A)[:, None, :] ** -power) @ enters
-        resolvent = np.linalg.inv(1j * omega[:, None, None] * np.eye(len(A)) - A)
+        # a pole on the axis gives infinite entries, no error
+        resolvent = np.linalg.inv((1j * omega[:, None, None] + TINY) * np.eye(len(A)) - A)
         return leaves @ np.linalg.matrix_power(resolvent, power) @ enters
 
     def passages(self, omega: Array) -> list[Passage]:
