@@ -118,8 +118,6 @@ class Closed:
     @cached_property
     def poles(self) -> Array:
         """Eigenvalues [rad/s]."""
-        if "coordinates" not in self.__dict__:  # more expensive and not always needed
-            return np.linalg.eigvals(self.A).astype(complex) if len(self.A) else np.zeros(0, complex)
         A = self.coordinates[0]
         return A if A.ndim == 1 else np.diagonal(A)
 

@@ -16,7 +16,7 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
-from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
+from boomctl.tuning.responses import Passage, Response, same_frequency
 
 _MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
 _TINY = 1e-100  # norm in place of zero, with a finite logarithm
@@ -172,9 +172,6 @@ class Point:
             return False
         for model in self._models:
             loop = self.loop(model)
-            if self.curves:
-                _ = loop.coordinates  # needed for peaks next, and contain the poles
-            # above rounding error
             if not loop.abscissa < -_MARGIN * float(np.abs(loop.poles).max(initial=0.0)):
                 return False
         return True
@@ -256,41 +253,23 @@ class Point:
         """Return the logarithm of a norm, over its budget."""
         return log(max(value, _TINY)) - self.problem.offset(channel)
 
-    def _peak(self, pair: tuple[int, int]) -> Height:
-        """Return the highest peak of a channel."""
-        at, values = self.curves[pair].peaks
-        return Height(*pair, float(at[0]), self._scaled(pair[1], float(values[0])))
-
     @cached_property
     def norms(self) -> list[Height]:
         """All norms."""
-        return [*map(self._peak, self.curves), *self.squares]
-
-    def _highest(self, limits: bool) -> Height | None:
-        """Return the highest objective, or the highest constraint."""
-        pairs = [pair for pair in self.curves if self.problem.is_limit(pair[1]) == limits]
-        rough = [(self._scaled(pair[1], self.curves[pair].coarse[2]), pair) for pair in pairs]
-        of_poles = self.bounds if limits else []
-        candidates = [*(item for item in self.squares if self.problem.is_limit(item.channel) == limits), *of_poles]
-        best = max(candidates, key=lambda item: item.value, default=None)
-        for level, pair in sorted(rough, reverse=True):
-            if best is not None and level < best.value + log(BELOW):
-                break  # the grid bounds the peaks: none of these is higher
-            peak = self._peak(pair)
-            best = peak if best is None or peak.value > best.value else best
-        return best
+        peaks = [(pair, *(float(item[0]) for item in curve.peaks)) for pair, curve in self.curves.items()]
+        return [*(Height(*pair, at, self._scaled(pair[1], value)) for pair, at, value in peaks), *self.squares]
 
     @cached_property
     def top(self) -> Height:
         """The highest objective."""
-        result = self._highest(limits=False)
-        assert result is not None
-        return result
+        aims = (item for item in self.norms if not self.problem.is_limit(item.channel))
+        return max(aims, key=lambda item: item.value)
 
     @cached_property
     def over(self) -> Height | None:
         """The worst constraint."""
-        return self._highest(limits=True)
+        limits = (item for item in (*self.norms, *self.bounds) if self.problem.is_limit(item.channel))
+        return max(limits, key=lambda item: item.value, default=None)
 
     @property
     def aim(self) -> float:
@@ -343,8 +322,6 @@ class Point:
     def _near(self, pair: tuple[int, int], window: float) -> tuple[list[float], list[float]]:
         """Return frequencies and values of a channel's peaks within a relative window of the level."""
         level, curve = self._level(pair[1]), self.curves[pair]
-        if log(max(curve.coarse[2], _TINY)) < level + log((1.0 - window) * BELOW):
-            return [], []
         at, values = curve.peaks
         near = values >= (1.0 - window) * max(values[0], exp(level))
         return at[near].tolist(), values[near].tolist()

@@ -104,11 +104,6 @@ class Response:
         return self.loop.coordinates[0]
 
     @cached_property
-    def poles(self) -> Array:
-        """Poles, in the order of the coordinates."""
-        return self.A if self.A.ndim == 1 else np.diagonal(self.A)
-
-    @cached_property
     def D(self) -> Array:
         """Feedthrough."""
         return self.loop.D[np.ix_(self.rows, self.columns)]
@@ -146,7 +141,7 @@ class Response:
     @cached_property
     def coarse(self) -> tuple[Array, Array, float]:
         """Grid, its largest singular values, and their maximum, including infinite frequency."""
-        omega = grid(self.poles, self.known)
+        omega = grid(self.loop.poles, self.known)
         values = self.largest(omega)
         return omega, values, float(values.max(initial=self.through))
 

@@ -35,9 +35,6 @@ _DAMPING, _LEAST, _LARGEST = (
 # smallest next damping after a step to unstable loops, over the curvature along it: shortens the step to a quarter
 _SHORTER = 3.0
 _FAR = 1e4  # natural sizes beyond which a bound is ignored
-# fraction of its multiplier by which a row may be exceeded: spreads multipliers over nearly equal functions, so that the
-# curvature of all is included, and saves steps
-_GIVE = 1e-7
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
 _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
@@ -63,14 +60,10 @@ class Polish:
     gain : float
         Predicted decrease of a step below which the search ends; it also ends if six steps decrease by less than ten
         times this.
-    hard : float
-        Predicted decrease up to which the rows of a program are hard constraints.
     """
 
-    def __init__(
-        self, point_at: Callable[[Array], Point], x: Array, *, weight: float, gain: float, hard: float
-    ) -> None:
-        self._point_at, self._weight, self._gain, self._hard = point_at, weight, gain, hard
+    def __init__(self, point_at: Callable[[Array], Point], x: Array, *, weight: float, gain: float) -> None:
+        self._point_at, self._weight, self._gain = point_at, weight, gain
         self._point, self._damping = point_at(x), _DAMPING
         self._H = np.zeros((len(x), len(x)))
 
@@ -83,11 +76,13 @@ class Polish:
         for k in range(steps):
             requested: set[tuple[int, int, float]] = set()
             functions = _chosen(self._point, requested)
+            if not functions:  # the norm is zero
+                return Ended(self._point.x, value, k, stationary=True)
             self._sizes = _sizes(functions, self._H)
-            self._H = _curvature(self._point, functions, self._step(functions, value, -inf)[2], self._sizes)
+            self._H = _curvature(self._point, functions, self._step(functions, value)[2], self._sizes)
             self._sizes = _sizes(functions, self._H)
             for trial in range(_TRIALS):
-                d, predicted, _ = self._step(functions, value, self._hard)
+                d, predicted, _ = self._step(functions, value)
                 if predicted <= self._gain:
                     return Ended(self._point.x, value, k, self._damping < 1e3 * _DAMPING)
                 there, result = self._corrected(d, functions, value, predicted)
@@ -124,17 +119,14 @@ class Polish:
             if not isfinite(result) or result <= value - _GOOD * predicted:
                 break
             bent = _corrected_functions(functions, there, there.x - self._point.x)
-            further, lower = self._trial(self._step(bent, value, self._hard)[0])
+            further, lower = self._trial(self._step(bent, value)[0])
             if lower >= result:
                 break
             there, result = further, lower
         return there, result
 
-    def _step(self, functions: list[ActiveFunction], value: float, wanted: float) -> tuple[Array, float, Array]:
-        """Return the step of a quadratic program, its predicted decrease, and the multipliers of the active functions.
-
-        Rows are soft, unless the predicted decrease is then at most ``wanted``.
-        """
+    def _step(self, functions: list[ActiveFunction], value: float) -> tuple[Array, float, Array]:
+        """Return the step of a quadratic program, its predicted decrease, and the multipliers of the active functions."""
         x, problem, root = self._point.x, self._point.problem, np.sqrt(self._sizes)  # steps count in natural sizes
         values, gradients = np.array([p.value for p in functions]), np.array([p.gradient for p in functions]) / root
         limits, n, count = np.array([p.limit for p in functions]), len(x), len(functions)
@@ -150,16 +142,10 @@ class Polish:
         above, below = up < _FAR, down < _FAR
         rows = np.vstack([rows, -unit[n + 1 :], unit[:n][above], -unit[:n][below]])
         sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up[above], down[below]])
-        for give in (_GIVE, 0.0):
-            y, z = least(Q, c, rows, sides, give)
-            there = values + gradients @ y[:n]
-            over = max(float(there[limits].max(initial=0.0)), 0.0)
-            predicted = (
-                value - (float(there[~limits].max()) + self._weight * over) - 0.5 * float(y[:n] @ curved @ y[:n])
-            )
-            if predicted > wanted:
-                break
-        return y[:n] / root, predicted, z[:count]
+        y, z = least(Q, c, rows, sides)
+        there = values + gradients @ y[:n]
+        merit = float(there[~limits].max()) + self._weight * float(there[limits].max(initial=0.0))
+        return y[:n] / root, value - merit - 0.5 * float(y[:n] @ curved @ y[:n]), z[:count]
 
 
 def _sizes(functions: list[ActiveFunction], H: Array) -> Array:
@@ -310,7 +296,7 @@ def stationarity(functions: list[ActiveFunction], point: Point, low: Array, high
     return float(np.linalg.norm(y[:n]))
 
 
-def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Array, Array]:
+def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
     """Minimize ``1/2 y^T H y + c^T y`` subject to ``G y <= h``; return ``y`` and the multipliers of the rows of ``G``.
 
     In coordinates with unit Hessian, this is the projection of the unconstrained minimum on a polyhedron: the multipliers
@@ -318,7 +304,6 @@ def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Ar
     (proximal iteration) until the step vanishes.
 
     ``H`` is positive definite except for variables without any curvature, which rows bound.  The problem must be feasible.
-    Normalized rows may be exceeded by ``give`` times their multipliers.
     """
     n, m = len(c), len(h)
     size = np.sqrt((G * G).sum(axis=1))
@@ -328,9 +313,8 @@ def least(H: Array, c: Array, G: Array, h: Array, give: float = 0.0) -> tuple[Ar
     root, wrong = lapack.dpotrf(H + np.diag(lent), lower=1)
     if wrong:
         return y, z
-    rows, end = np.zeros((n + 1 + m, m)), np.zeros(n + 1 + m)
+    rows, end = np.zeros((n + 1, m)), np.zeros(n + 1)
     rows[:n], end[n] = -lapack.dtrtrs(root, G.T, lower=1)[0], 1.0
-    rows[n + 1 :] = give**0.5 * np.eye(m)
     for _ in range(_ROUNDS):
         free = lapack.dtrtrs(root, -(H @ y + c), lower=1)[0]  # the step without rows
         rows[n] = G @ y - h - free @ rows[:n]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import exp, inf, isfinite, log
+from math import exp, inf, isfinite
 
 import numpy as np
 
@@ -33,11 +33,6 @@ _EDGE, _LAST_EDGE = 1e-2, 1e-8  # initial and final relative distance from the e
 _AT_EDGE = 2.0  # ratio to the required distance from the edge of stability up to which that constraint is active
 _NEARER = 0.1  # factor on the distance from the edge of stability for the next round
 _NEW_PEAK = 1e-7  # relative height above the known peaks that makes a peak a new one: a tenth of the certified accuracy
-_ZERO = 1e-9  # fraction of the first norm below which a norm counts as zero
-
-
-class NothingLeftError(Exception):
-    """Raised if the norm is zero to within rounding error."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +89,6 @@ class Search:
     best: Array | None = None
     value: float = inf
     excess: float = inf
-    floor: float = -inf
     abscissa: float = inf
     earlier: list[TuneStart] = field(default_factory=list)
     searches: "list[LocalSearch]" = field(default_factory=list)
@@ -114,19 +108,7 @@ class Search:
         """
         if not point.stable or not isfinite(point.aim):
             return point, True
-        point, complete = self._checked(point)
-        if self.floor == -inf:
-            self.floor = point.aim + log(_ZERO)
-        excess = max(point.excess, LEVEL)
-        if (excess, point.aim) < (self.excess, self.value):
-            self.best, self.value, self.excess = point.x.copy(), point.aim, excess
-        if self.value < self.floor:
-            raise NothingLeftError
-        return point, complete
-
-    def _checked(self, point: Point) -> tuple[Point, bool]:
-        """Return a point with all its peaks, and True if these were known."""
-        incomplete = False
+        complete = True
         for model, channel, omega, value, _ in point.norms:
             if channel < 0 or np.isnan(omega):
                 continue
@@ -135,8 +117,12 @@ class Search:
             here = exp(value + self.problem.offset(channel))
             if norm.lower_bound > here * (1.0 + _NEW_PEAK) and isfinite(norm.peak_omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.peak_omega)
-                incomplete = True
-        return (point.with_parameters(point.x), False) if incomplete else (point, True)
+                complete = False
+        point = point if complete else point.with_parameters(point.x)
+        excess = max(point.excess, LEVEL)
+        if (excess, point.aim) < (self.excess, self.value):
+            self.best, self.value, self.excess = point.x.copy(), point.aim, excess
+        return point, complete
 
     @property
     def design(self) -> Array:
@@ -159,7 +145,13 @@ class Search:
             if kind.startswith(_NEARBY) and self.value < reached - _GAIN:
                 continue
             tell(f"{order}, start", k + 1, len(initial))
-            self.begin(self.problem.clipped(x), kind)
+            local = LocalSearch(kind, self.problem.clipped(x))
+            self.searches.append(local)
+            result, local.steps = self.stabilized(local.x)
+            if result is not None:
+                local.x, local.open = result, True
+                self.keep(Point(self.problem, result, self.known))
+                self.turn(local)
             if self.best is not None and half.over:
                 self.stages.append(f"time for {k + 1} starts")
                 break
@@ -169,16 +161,6 @@ class Search:
                 if not local.open or (local.value - self.value > _HOPE * local.gain and local.value > self.value):
                     break  # converged, or the best value is out of reach
                 self.turn(local)
-
-    def begin(self, x: Array, kind: str) -> None:
-        """Stabilize from one start, and run a first round."""
-        local = LocalSearch(kind, x)
-        self.searches.append(local)
-        result, local.steps = self.stabilized(x)
-        if result is not None:
-            local.x, local.open = result, True
-            self.keep(Point(self.problem, result, self.known))
-            self.turn(local)
 
     def turn(self, local: "LocalSearch") -> None:
         """Run a round: descend on the highest peak (first round only), then polish, away from the edge of stability."""
@@ -191,10 +173,7 @@ class Search:
 
             down = descend(merit, local.x, problem.low, problem.high, steps=_DESCENDING, gain=_GAIN)
             local.x, local.steps = down.x, local.steps + down.steps
-        hard = -inf if before == inf else _MIN_DECREASE  # full accuracy only for starts that are completed
-        polish = Polish(
-            lambda x: self.point(x, active_edge), local.x, weight=local.weight, gain=_MIN_DECREASE, hard=hard
-        )
+        polish = Polish(lambda x: self.point(x, active_edge), local.x, weight=local.weight, gain=_MIN_DECREASE)
         done = polish.run(_POLISHING)
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
         point, complete = self.keep(Point(self.problem, local.x, self.known))
@@ -277,8 +256,6 @@ def search(
             level = float(10.0 ** rng.uniform(*_LEVELS)) if k else QUIET
             initial.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
         work.from_starts(initial, reached)
-    except NothingLeftError:
-        work.stages.append("nothing left")
     except OutOfTimeError:
         work.stages.append("out of time")
     except KeyboardInterrupt:
