@@ -155,8 +155,6 @@ def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, j: int) -> Array
     duration, driven, per_step = j * fine.grid.h, p.controller.driven, fine.grid.steps // p.grid.steps
     moving, used = p.plant.step(duration, p.switch), p.disturbed
     moved = moving.first[:, used] @ p.W[used, :-1] + moving.last[:, used] @ fine.W[used, j::per_step]
-    if not len(driven):
-        return moved
     acting = log.acting(np.arange(p.grid.steps), p.lag, p.grid.per_sample)
     earlier = np.vstack([np.zeros((1, len(driven))), acting[:-1]])
     return moved + moving.before[:, driven] @ earlier.T + moving.after[:, driven] @ acting.T

@@ -123,10 +123,7 @@ def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:
     with np.errstate(all="ignore"):  # matrices whose products overflow have no gain
         moved = float(np.abs(K.B).max())
         B, shown = K.B / moved, np.hstack([K.D, K.C @ K.B])
-        size = np.abs(shown).max(axis=1)
-        size = size * np.linalg.norm(
-            shown / np.where(size > 0.0, size, 1.0)[:, None], axis=1
-        )  # no square of large numbers
+        size = np.linalg.norm(shown, axis=1)
         size = np.where(size > 0.0, size, size.max() or 1.0)
         C, D = K.C * moved / size[:, None], K.D / size[:, None]
     if not all(np.isfinite(item).all() for item in (A, B, C, D)):

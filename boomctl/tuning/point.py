@@ -16,12 +16,12 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
-from boomctl.tuning.responses import Passage, Response, same_frequency
+from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 
 _MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
 _TINY = 1e-100  # norm in place of zero, with a finite logarithm
 # relative distance within which a peak represents another frequency: their second derivatives are nearly equal
-PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
+_PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases of combinations of two singular vectors with nearly equal values
 _ALIKE_POLES = 0.05  # distance to the highest bound on poles within which a pole is an active function
 _NEAR_EDGE = 4.0  # ratio to the required distance from the edge of stability up to which a pole is an active function
@@ -253,23 +253,40 @@ class Point:
         """Return the logarithm of a norm, over its budget."""
         return log(max(value, _TINY)) - self.problem.offset(channel)
 
+    def _peak(self, pair: tuple[int, int]) -> Height:
+        """Return the highest peak of a channel."""
+        at, values = self.curves[pair].peaks
+        return Height(*pair, float(at[0]), self._scaled(pair[1], float(values[0])))
+
     @cached_property
     def norms(self) -> list[Height]:
         """All norms."""
-        peaks = [(pair, *(float(item[0]) for item in curve.peaks)) for pair, curve in self.curves.items()]
-        return [*(Height(*pair, at, self._scaled(pair[1], value)) for pair, at, value in peaks), *self.squares]
+        return [*map(self._peak, self.curves), *self.squares]
+
+    def _highest(self, limits: bool) -> Height | None:
+        """Return the highest objective, or the highest constraint."""
+        others = [item for item in (*self.squares, *self.bounds) if self.problem.is_limit(item.channel) == limits]
+        best = max(others, key=lambda item: item.value, default=None)
+        pairs = [pair for pair in self.curves if self.problem.is_limit(pair[1]) == limits]
+        rough = [(self._scaled(pair[1], self.curves[pair].coarse[2]), pair) for pair in pairs]
+        for level, pair in sorted(rough, reverse=True):
+            if best is not None and level < best.value + log(BELOW):
+                break  # the grid bounds the peaks: none of these is higher
+            peak = self._peak(pair)
+            best = peak if best is None or peak.value > best.value else best
+        return best
 
     @cached_property
     def top(self) -> Height:
         """The highest objective."""
-        aims = (item for item in self.norms if not self.problem.is_limit(item.channel))
-        return max(aims, key=lambda item: item.value)
+        result = self._highest(limits=False)
+        assert result is not None
+        return result
 
     @cached_property
     def over(self) -> Height | None:
         """The worst constraint."""
-        limits = (item for item in (*self.norms, *self.bounds) if self.problem.is_limit(item.channel))
-        return max(limits, key=lambda item: item.value, default=None)
+        return self._highest(limits=True)
 
     @property
     def aim(self) -> float:
@@ -291,21 +308,17 @@ class Point:
         return self.aim + weight * over.value, lambda: self._gradient(self.top) + weight * self._gradient(over)
 
     # -- pieces ----------------------------------------------------------------------------------------------------
-    def active_functions(
-        self, window: float, requested: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
-    ) -> list[ActiveFunction]:
+    def active_functions(self, window: float, between: float = 0.0) -> list[ActiveFunction]:
         """Return the active functions within a relative window of the highest objective, or of budgets.
 
-        These are peaks, requested frequencies, and frequencies of the grid within the fraction ``between``.
+        These are peaks, and frequencies of the grid within the fraction ``between``.
         """
         result: list[ActiveFunction] = []
         for pair, curve in self.curves.items():
             high = self._near(pair, window)[0]
-            others = sorted(at for *there, at in requested or () if tuple(there) == pair)
-            if between and high:
-                omega, values, _ = curve.coarse
-                others += omega[values >= (1.0 - between) * exp(self._level(pair[1]))].tolist()
-            others = [at for at in others if not any(same_frequency(at, peak, PEAK_RTOL) for peak in high)]
+            omega, values, _ = curve.coarse
+            others = omega[values >= (1.0 - between) * exp(self._level(pair[1]))].tolist() if between and high else []
+            others = [at for at in others if not any(same_frequency(at, peak, _PEAK_RTOL) for peak in high)]
             result += self._singular(pair, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for item in (*self.squares, *self.bounds):
             result.append(ActiveFunction(*item[:4], self._gradient(item), self.problem.is_limit(item.channel)))
@@ -322,6 +335,8 @@ class Point:
     def _near(self, pair: tuple[int, int], window: float) -> tuple[list[float], list[float]]:
         """Return frequencies and values of a channel's peaks within a relative window of the level."""
         level, curve = self._level(pair[1]), self.curves[pair]
+        if log(max(curve.coarse[2], _TINY)) < level + log((1.0 - window) * BELOW):
+            return [], []
         at, values = curve.peaks
         near = values >= (1.0 - window) * max(values[0], exp(level))
         return at[near].tolist(), values[near].tolist()

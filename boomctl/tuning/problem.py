@@ -22,7 +22,6 @@ _POINTS = 24  # frequencies at which the magnitudes of plants are evaluated
 _ROUNDS = 30  # iterations of scaling rows and columns; the error converges quadratically
 _SLOWEST = 1e-6  # fraction of the fastest pole below which poles are ignored for the band
 _LOW = 1e-3  # fraction of its peak at which a response is clipped for its mean magnitude
-_NOTHING = 1e-10  # fraction of the product of state and output magnitudes below which a response is rounding error
 _LOG_RATIO = np.log(1e3)  # log ratio to the rest of its row and column below which a response is ignored for scaling
 _LARGEST_GAIN = 1e6  # largest free parameter over its natural size: bounds infima at infinite gain
 CONTROLLER = -1  # model index of the controller itself
@@ -172,13 +171,8 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
 
 
 def _size(part: Lti, omega: Array) -> Array:
-    """Return log magnitudes of responses, averaged over their upper three decades; nan for rounding error only."""
-    part, n = part.balanced(), len(part.A)
-    result = np.abs(part.response(omega, quiet=True))
-    if n:
-        states = replace(part, C=np.eye(n), D=np.zeros((n, part.D.shape[1])), output_labels=())
-        moved = np.abs(states.response(omega, quiet=True)).max(axis=0)
-        result = np.where(result > _NOTHING * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, result, 0.0)
+    """Return log magnitudes of responses, averaged over their upper three decades; nan where they are zero."""
+    result = np.abs(part.balanced().response(omega, quiet=True))
     top = result.max(axis=2)
     there = (top > TINY) & np.isfinite(top)
     with np.errstate(divide="ignore"):

@@ -271,8 +271,6 @@ def run_contact(p: LoopProblem, log: ControlLog, contacts: Contacts) -> tuple[Ar
 
 
 def _at_start(p: LoopProblem, rows: ContactRows) -> Slip:
-    if rows.law is None:
-        return Slip(0.0, True, None)
     speed = float(rows.reads[0] @ p.start + rows.offsets[0, 0])
     size = float(np.abs(rows.reads[0]) @ np.abs(p.start)) + float(np.abs(rows.offsets[:, 0]).max())
     # relative to the largest slip velocity: an initial velocity below is a rounding error, the slip is at rest
