@@ -135,6 +135,29 @@ def test_a_stop_that_moves_is_left_only_when_pulled():
     assert len([hit for hit in found.stop_contacts if hit.end_time > 0.2]) == 1
 
 
+@given(seed=seeds)
+@examples(60)
+def test_stop_step_is_complementary(seed):
+    """Two coupled masses: no stop is passed, a touched one only pushes, and without its effect it would be passed."""
+    rng, h = np.random.default_rng(seed), 0.1
+    root = rng.normal(size=(2, 2))
+    inverse = root @ root.T + 0.3 * np.eye(2)  # of the mass matrix
+    both = np.hstack([h * inverse, 0.5 * h * inverse])
+    maps = StopMaps(both, np.hstack([inverse, inverse]), both, np.ones(2))
+    position, velocity = rng.uniform(-1.3, 1.3, 2), rng.normal(size=2)
+    found = stop_step(maps, position, velocity)
+    assert (found is None) == (np.abs(position) <= 1.0).all()
+    if found is None:
+        return
+    end = position + both @ found.amounts
+    assert np.abs(end).max() <= 1.0 + 1e-9
+    for i, side in enumerate(found.sides):
+        assert side or found.impulses[i] == 0.0
+        assert found.impulses[i] * side <= 0.0
+        own = both[i, [i, i + 2]] @ found.amounts[[i, i + 2]]
+        assert not side or (end[i] - own) * side >= 1.0 - 1e-9
+
+
 def test_contradictory_stops_raise():
     maps = StopMaps(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros((2, 2)), np.ones(1))
     with np.errstate(all="ignore"), pytest.raises(ArithmeticError, match="finer timepts"):

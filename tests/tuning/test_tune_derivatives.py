@@ -1,4 +1,4 @@
-"""Derivatives that tuning rests on, against differences of the values themselves; its line search, programs and peaks."""
+"""Derivatives that tuning rests on, against differences of the values themselves; its programs and peaks."""
 
 import control
 import numpy as np
@@ -14,7 +14,6 @@ from boomctl.tuning.point import Point
 from boomctl.tuning.problem import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import Response
 from boomctl.tuning.solver.bundle import least, peak_hessian
-from boomctl.tuning.solver.descent import _weak_wolfe
 from tests.profiles import examples
 from tests.tuning.test_tune import family, swing, weighed
 
@@ -304,21 +303,6 @@ def test_plants_of_smooth_functions_of_parameters(make, low, high, names):
         assert np.abs(found.response(omega, quiet=True) - wanted).max() <= 1e-9 * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize("make", [chain, coupled])
-def test_derivatives_of_plants_at_high_degree(make):
-    plants = build_plants([make], 0, 0, (Physical("m1", 0.5, 2.0), Physical("m2", 0.5, 2.0)))
-    x, step = np.array([-0.9, 0.4]), 1e-5
-
-    def matrices(x):
-        s = plants.scaled(x, 0)[0].system
-        return np.block([[s.A, s.B], [s.C, s.D]])
-
-    found = plants.scaled(x, 0)[0].jacobian
-    for row, axis in zip(found, np.eye(2), strict=True):
-        wanted = (matrices(x + step * axis) - matrices(x - step * axis)) / (2.0 * step)
-        assert row == pytest.approx(wanted, abs=1e-7 * np.abs(wanted).max())
-
-
 def test_no_plant_is_made_once_it_is_a_polynomial():
     asked = []
 
@@ -331,30 +315,6 @@ def test_no_plant_is_made_once_it_is_a_polynomial():
     found = bc.tune(make, 0, 0, T.plant_parameter("c", 0.05, 5.0), n_starts=2)
     assert "physical parameters by polynomials of degree c 1" in found.certificate.stages
     assert len(asked) < 40  # to find the polynomial, to compare it, and to verify what was found
-
-
-@examples(60)
-@given(st.integers(0, 10_000), st.booleans())
-def test_line_search_convex_function_meets_weak_wolfe(seed, fresh):
-    """The step falls enough, and after it the function falls less steeply by a half."""
-    rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, 6))
-    root, x, d = rng.normal(size=(n, n)), rng.normal(size=n), 10.0 ** rng.uniform(-3.0, 3.0) * rng.normal(size=n)
-
-    def function(x):
-        return float(
-            0.5 * x @ root.T @ root @ x + np.sqrt(1.0 + x @ x)
-        ), lambda: root.T @ root @ x + x / np.sqrt(1.0 + x @ x)
-
-    value, slope = function(x)
-    d = -d * np.sign(d @ slope())
-    falling = float(d @ slope())
-    point, found, gradient = _weak_wolfe(
-        function, x, d, value, falling, -np.inf * np.ones(n), np.inf * np.ones(n), fresh
-    )
-    step = float(np.linalg.norm(point - x) / np.linalg.norm(d))
-    assert found <= value + 1e-4 * step * falling * (1.0 - 1e-9)
-    assert gradient @ d >= 0.5 * falling
 
 
 def any_programme(rng):
