@@ -338,22 +338,9 @@ class AssumedModesBeam(HubBeam):
     def _motion(
         self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
     ) -> Motion:
-        return motion_of(self._scene(maneuver, timepts, start, tolerance))
-
-    def _scene(
-        self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], tolerance: tuple[float, float]
-    ) -> Scene:
-        p = self.parameters
-        return Scene(
-            equations=self.equations,
-            maneuver=maneuver,
-            timepts=timepts,
-            start=start,
-            rtol=tolerance[0],
-            atol=tolerance[1],
-            length=p.length,
-            radius=p.hub_radius + p.length,
-        )
+        length, (rtol, atol) = self.parameters.length, tolerance
+        radius = self.parameters.hub_radius + length
+        return motion_of(Scene(self.equations, maneuver, timepts, start, rtol, atol, length, radius))
 
     def _details(self, maneuver: Maneuver, timepts: Array, motion: Motion) -> Details:
         y, rate = motion.states()

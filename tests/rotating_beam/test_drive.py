@@ -34,7 +34,7 @@ def numbers(begin, width):
     ("shape", "model"),
     [
         (bell, "sfoam"),
-        (numbers, "sfoam"),
+        pytest.param(numbers, "sfoam", marks=pytest.mark.slow),
         *(pytest.param(pulse, model, marks=pytest.mark.slow) for model in ("sfoam", "foam", "tlam")),
     ],
 )

@@ -6,7 +6,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.printing import compact
-from boomctl.rotating_beam.modal.shapes import AxialModes, TransverseModes, axial_modes, transverse_modes
+from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.parameters import HubBeamParameters
 
 
@@ -104,14 +104,20 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
     M2 = line * p.length * np.eye(modes) + mass * np.outer(at2, at2)
     K1 = np.diag(0.5 * p.axial_stiffness * p.length * f1.wavenumbers**2)
     K2 = np.diag(p.bending_stiffness * p.length * f2.wavenumbers**4)
-    V1 = line * _first_moment_axial(f1, p.hub_radius) + mass * radius * at1
-    V2 = line * _first_moment_transverse(f2, p.hub_radius) + mass * radius * at2
+    # by parts with f'''' = b^4 f only terms at the ends remain in integrals, but where two wavenumbers nearly agree
+    a, b, odd = f1.wavenumbers, f2.wavenumbers, np.where(np.arange(modes) % 2 == 0, 1.0, -1.0)
+    V1 = line * (p.hub_radius / a + odd / a**2) + mass * radius * at1
+    V2 = line * (2.0 * p.hub_radius * f2.sine / b + 2.0 / b**2) + mass * radius * at2
 
     x, weights = gauss_points(p.length, 0.5 * f2.wavenumbers[-1] * p.length)
     outside = line * (p.hub_radius * (p.length - x) + 0.5 * (p.length - x) * (p.length + x))
     derivatives = f2(x, 1)
     D = derivatives.T @ ((weights * outside)[:, None] * derivatives) + mass * radius * f2.shortening(position)
-    R = line * _overlap(f1, f2, x, weights) + mass * np.outer(at1, at2)
+    a, gap = a[:, None], a[:, None] - b
+    np.fill_diagonal(gap, 1.0)
+    overlap = 2.0 * a * b * (np.outer(odd, odd * f2.sine) * a - b) / (gap * (a + b) * (a**2 + b**2))
+    np.fill_diagonal(overlap, weights @ (f1(x) * f2(x)))
+    R = line * overlap + mass * np.outer(at1, at2)
     C1, C2 = (_modal_damping(M, K, p.damping_ratio) for M, K in ((M1, K1), (M2, K2)))
     return ModalIntegrals(
         inertia=p.rigid_body_inertia,
@@ -145,30 +151,6 @@ def gauss_points(length: float, phase: float) -> tuple[Array, Array]:
     count = int(np.ceil(1.05 * phase + 4.0 * phase ** (1.0 / 3.0))) + 12
     points, weights = roots_legendre(count)
     return 0.5 * length * (points + 1.0), 0.5 * length * weights
-
-
-def _first_moment_transverse(shapes: TransverseModes, radius: float) -> Array:
-    """``int (radius + x) f dx``: by parts with ``f'''' = b^4 f`` only the clamp's terms remain."""
-    b = shapes.wavenumbers
-    return 2.0 * radius * shapes.sine / b + 2.0 / b**2
-
-
-def _first_moment_axial(shapes: AxialModes, radius: float) -> Array:
-    """``int (radius + x) f dx``."""
-    b = shapes.wavenumbers
-    odd = np.where(np.arange(b.size) % 2 == 0, 1.0, -1.0)
-    return radius / b + odd / b**2
-
-
-def _overlap(f1: AxialModes, f2: TransverseModes, x: Array, weights: Array) -> Array:
-    """``int f_1^T f_2 dx``: by parts with ``f'''' = b^4 f`` of both, but where the two wavenumbers nearly agree."""
-    a, b = f1.wavenumbers[:, None], f2.wavenumbers[None, :]
-    odd = np.where(np.arange(a.size) % 2 == 0, 1.0, -1.0)
-    gap = a - b
-    np.fill_diagonal(gap, 1.0)
-    result = 2.0 * a * b * (np.outer(odd, odd * f2.sine) * a - b) / (gap * (a + b) * (a**2 + b**2))
-    np.fill_diagonal(result, weights @ (f1(x) * f2(x)))
-    return result
 
 
 def _modal_damping(mass: Array, stiffness: Array, ratio: float) -> Array:

@@ -5,7 +5,6 @@ motion of the higher order is returned. A fast mode follows the slow modes witho
 vibration on the slow modes is bounded, and if the bound is too large the steps are shortened to resolve the mode.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
@@ -147,12 +146,6 @@ class _Run:
     vibration: Array = field(default_factory=lambda: np.zeros(2))
     windows: list[WindowMotion] = field(default_factory=list)
 
-    @property
-    def done(self) -> bool:
-        """True if the end is reached."""
-        # relative to the full duration: a breakpoint this close counts as reached
-        return self.scene.end - self.time <= SUMMED * self.scene.end
-
     def go_on(self) -> bool:
         """Solve a window, and accept or shorten it; return False if the motion needs too many windows."""
         length, end = self._next_length(), self.scene.end
@@ -214,12 +207,7 @@ class _Run:
     def torque(self, h: float, stages: int) -> Array:
         """Return the torque at the nodes of the next window with steps of a length [s], m s."""
         nodes = (np.arange(self.steps)[:, None] + gauss_method(stages).nodes).ravel()
-        return self.drive(self.time + h * nodes)
-
-    @property
-    def drive(self) -> Callable[[Array], Array]:
-        """Torque [N m] as a function of an array of times [s]."""
-        return self.scene.problem.drive
+        return self.scene.problem.drive(self.time + h * nodes)
 
 
 def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTrajectory, float] | None:
@@ -240,7 +228,8 @@ def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTr
     length = _FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * steps / np.sqrt(form.softest)
     for attempt in range(_ATTEMPTS):
         run = _Run(form, scene, corners, _LOCAL * _TIGHTER**attempt, steps, np.stack([states, states]), length)
-        while not run.done:
+        # relative to the full duration: a breakpoint this close counts as reached
+        while scene.end - run.time > SUMMED * scene.end:
             if not run.go_on():
                 return None
         allowed = run.allowed(run.peaks)
@@ -275,7 +264,9 @@ def _swept(run: _Run, length: float) -> _Window | None:
     """Return a window of a length [s], solved in both orders; None if the sweeps do not converge."""
     (low, high), h, form = STAGES, length / run.steps, run.form
     torque = run.torque(h, low)
-    modes = free_modes(form, _typical_speed(form, run.states[1, 1, 0], torque, h))
+    impulses = torque.reshape(-1, low) @ gauss_method(low).weights * h
+    speeds = run.states[1, 1, 0] / np.sqrt(form.inertia) + np.cumsum(impulses) / form.inertia  # of a rigid beam
+    modes = free_modes(form, float(np.sqrt(np.mean(speeds**2))))
     weights, states = _weights(form, modes, run), run.states.copy()
     states[..., 1:] = states[..., 1:] @ modes.shapes
     starts = [rate - modes.rates.conj() * z for z, rate in states]
@@ -309,13 +300,6 @@ def _swept(run: _Run, length: float) -> _Window | None:
     )
 
 
-def _typical_speed(form: FreeHubForm, rate: float, torque: Array, h: float) -> float:
-    """Return the rms hub speed of a rigid beam in a window, rad/s, from the free mass's rate."""
-    impulse = torque.reshape(-1, STAGES[0]) @ gauss_method(STAGES[0]).weights * h
-    speed = rate / np.sqrt(form.inertia) + np.cumsum(impulse) / form.inertia
-    return float(np.sqrt(np.mean(speed**2)))
-
-
 def _torque_errors(weights: _Weights, run: _Run, fine: Swept) -> Array:
     """Return the effect of a user's torque less the polynomials through its nodes, from samples near the ends of steps; 2.
 
@@ -325,11 +309,11 @@ def _torque_errors(weights: _Weights, run: _Run, fine: Swept) -> Array:
         return np.zeros(2)
     h, positions, times = fine.flow.h, np.array([_INSIDE, 1.0 - _INSIDE]), even_times(run.scene.end)
     nodes, begin = fine.torque.reshape(run.steps, -1), run.time + h * np.arange(run.steps)
-    values = run.drive(begin[:, None] + h * positions)
+    values = run.scene.problem.drive(begin[:, None] + h * positions)
     error = np.abs(values - nodes @ _interpolation(nodes.shape[1], tuple(positions)).T).max(axis=1)
     gap = times[1]
     times = times[(times >= begin[0]) & (times <= begin[-1] + h)]
-    result = run.drive(times)
+    result = run.scene.problem.drive(times)
     between, _ = polynomial_errors(nodes, begin, np.full(run.steps, h), times, result)
     size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
     error[error <= _ROUNDING * size] = 0.0

@@ -1,7 +1,6 @@
 """Vibrations of the hub-beam with its hub free, and the nonlinear forces between them."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import final
 
 import numpy as np
@@ -31,6 +30,10 @@ class FreeModes:
     slope, gyro, damping : ndarray, n x n
         Of the vibrations; the last without its diagonal, which is in the rates.
     axial : ndarray, n
+    stiffness : ndarray, n x 1
+        Of the vibrations.
+    mobility : float
+        Acceleration of the hub by a torque.
     """
 
     form: FreeHubForm
@@ -42,6 +45,8 @@ class FreeModes:
     gyro: Array
     damping: Array
     axial: Array
+    stiffness: Array
+    mobility: float
 
     def forces(self, z: Array, rate: Array, torque: Array) -> tuple[Array, Array]:
         """Return the modal forces of torque and nonlinear terms, and a value that must be positive.
@@ -120,16 +125,6 @@ class FreeModes:
         result += self.push[:, None] * hub
         return result
 
-    @cached_property
-    def stiffness(self) -> Array:
-        """Of the vibrations, n x 1."""
-        return np.abs(self.rates[1:, None]) ** 2
-
-    @cached_property
-    def mobility(self) -> float:
-        """Acceleration of the hub by a torque."""
-        return float(self.push @ self.push)
-
 
 def free_modes(form: FreeHubForm, speed: float) -> FreeModes:
     """Return the modes at a hub speed [rad/s], or at rest if the stiffness at this speed is too small."""
@@ -139,16 +134,19 @@ def free_modes(form: FreeHubForm, speed: float) -> FreeModes:
         sigma = 0.5 * np.diag(damping)
         if values[0] >= _SOFTEST * form.softest and (values > sigma**2).all():
             break
+    push = np.concatenate([[form.inertia**-0.5], form.lean @ shapes])
     return FreeModes(
         form=form,
         shapes=shapes,
         square=square,
         rates=np.concatenate([[1j], -sigma + 1j * np.sqrt(values - sigma**2)]),
-        push=np.concatenate([[form.inertia**-0.5], form.lean @ shapes]),
+        push=push,
         slope=shapes.T @ form.slope @ shapes,
         gyro=shapes.T @ form.gyro @ shapes,
         damping=damping - np.diag(2.0 * sigma),
         axial=form.axial @ shapes,
+        stiffness=values[:, None],
+        mobility=float(push @ push),
     )
 
 

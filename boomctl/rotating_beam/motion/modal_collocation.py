@@ -237,7 +237,11 @@ def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder:
     """
     (m, n), s = omega.shape, STAGES
     turned = turning(1j * omega, h[:, None] * np.append(gauss_method(s).nodes, 1.0))
-    to_nodes, end_by_force = _from_rest(omega, answers, turned)
+    answers = answers[:, :, 1:] - turned[..., None] * answers[:, :, :1]  # from rest
+    z = answers.imag / omega[..., None, None]
+    to_nodes, end_by_force = (
+        item @ gauss_method(s).terms for item in (z[:, :, :-1], np.stack([z[:, :, -1], answers.real[:, :, -1]], axis=2))
+    )
     cosine, sine = turned.real, turned.imag / omega[..., None]
     free = np.zeros((m, n, s, 2 * n + 1))
     np.einsum("mnsn->mns", free[..., :n])[...] = cosine[..., :s]
@@ -252,16 +256,6 @@ def _solve_steps(omega: Array, h: Array, answers: Array, push: Array, remainder:
     own = np.einsum("mnrcn->rcmn", transition)
     own += [[cosine[..., s], sine[..., s]], [-sine[..., s] * omega**2, cosine[..., s]]]
     return _Steps(force, transition, (end_by_force @ force[..., -1:])[..., 0], end_by_force)
-
-
-def _from_rest(omega: Array, answers: Array, turned: Array) -> tuple[Array, Array]:
-    """Return responses from rest to forces at the nodes: coordinates there, m x n x s x s, and `_Steps.end_by_force`."""
-    u: Array = turned[..., None] * answers[:, :, :1]
-    np.subtract(answers[:, :, 1:], u, out=u)
-    z = u.imag / omega[..., None, None]
-    return z[:, :, :-1] @ gauss_method(STAGES).terms, np.stack([z[:, :, -1], u.real[:, :, -1]], axis=2) @ gauss_method(
-        STAGES
-    ).terms
 
 
 def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> Array:

@@ -1,8 +1,6 @@
-"""Steps for a motion: first steps, halved until two solutions agree, whose difference is the error estimate."""
+"""Steps for a motion, halved until two solutions agree, whose difference is the error estimate."""
 
 from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil, log2
 from typing import final
 
 import numpy as np
@@ -10,16 +8,10 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.exceptions import SimulationError
 from boomctl.gauss import gauss_method
-from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.collocation import Trajectory, march
 from boomctl.rotating_beam.motion.problems import Problem
 
 STAGES = 8  # Stages of the collocation, order 16; 4 and 6 take longer for a torque on FOAM with 5 + 5 modes.
-
-# First step times the lowest frequency of the beam, for vibrations in closed form: nearly a period.  It is shorter for a
-# tolerance below `_LOOSE`, by a root of the ratio, so that one or two halvings suffice.
-_PHASE, _LOOSE, _ROOT = 5.5, 1e-6, 7.0
-_PHASE_GRADED = 1.4  # First step times the lowest frequency, for polynomials: a quarter of a period.
 
 _FIRST_TOLERANCE = 1e-6  # Change of a coordinate [m] at which Newton's method stops on the first steps.
 _NEWTON_FRACTION = 0.05  # Fraction of the allowed error at which Newton's method stops on finer steps.
@@ -30,39 +22,6 @@ _PILOT = 100
 # Factor on `_MOST_STEPS` above which a predicted number is an error: the pilot may be the hardest part.
 _HOPELESS = 2.0
 _SMOOTH = 0.02  # Contribution of a step's highest terms, over the allowed error, below which it is not halved.
-
-
-def first_steps(
-    equations: Equations, breakpoints: tuple[float, ...], end: float, *, rtol: float, graded: bool
-) -> Array:
-    """Return the ends of the coarsest steps: equal between the times at which the maneuver is not smooth.
-
-    Graded after these times, down to the time scale of the highest mode, steps resolve the vibrations excited there.
-    Otherwise polynomials on two levels of steps, both too coarse for the vibrations, could agree without them.
-
-    Parameters
-    ----------
-    equations : Equations
-    breakpoints : tuple of float
-        Times at which the maneuver is not smooth, s.
-    end : float
-        Time at which the last step ends, s.
-    rtol : float
-        Relative tolerance of the free end's displacement.
-    graded : bool
-        Grade the steps, for polynomials; vibrations in closed form may start from longer, equal steps.
-    """
-    lowest, highest = equations.frequency_range
-    phase = _PHASE_GRADED if graded else _PHASE * min(1.0, rtol / _LOOSE) ** (1.0 / _ROOT)
-    corners = [0.0, *(item for item in breakpoints if 0.0 < item < end), end]
-    edges: list[Array] = [np.zeros(1)]
-    for left, right in pairwise(corners):
-        count = max(1, ceil((right - left) * lowest / phase))
-        if graded:
-            halvings = max(0, ceil(log2((right - left) / count * highest / phase)))
-            edges.append(left + (right - left) / count * 0.5 ** np.arange(halvings, 0, -1))
-        edges.append(right - (right - left) / count * np.arange(count - 1, -1, -1))
-    return np.concatenate(edges)
 
 
 @final

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from math import ceil, log2
 from typing import final
 
 import numpy as np
@@ -12,12 +14,16 @@ from boomctl.maneuvers import HubProfile, Maneuver, PrescribedMotion, Torque, To
 from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
-from boomctl.rotating_beam.motion.refinement import Accuracy, first_steps
+from boomctl.rotating_beam.motion.refinement import Accuracy
 from boomctl.rotating_beam.motion.steady_rotation import SteadyRotation, steady_rotation
 
 _WATCHED = 16.0  # Watched times in a period of the lowest mode: its phase changes by 22 degrees between two.
 _CAUTION = 2.0  # Largest error over the difference of two levels of steps where a user's function has a kink.
 _LONGEST = 3e5  # Longest motion, in radians of the slowest mode; limits time and memory.
+# First step times the lowest frequency of the beam, for vibrations in closed form: nearly a period.  It is shorter for a
+# tolerance below `_LOOSE`, by a root of the ratio, so that one or two halvings suffice.
+_PHASE, _LOOSE, _ROOT = 5.5, 1e-6, 7.0
+_PHASE_GRADED = 1.4  # First step times the lowest frequency, for polynomials: a quarter of a period.
 
 
 @final
@@ -105,18 +111,31 @@ class Scene:
         return Accuracy(self.rtol / self.caution, self.atol / self.caution, rows)
 
     def first_steps(self, end: float, *, graded: bool) -> Array:
-        """Return the ends of the first steps up to a time [s]: see :func:`first_steps`; short at a user function's jumps.
+        """Return the ends of the coarsest steps up to a time [s]: equal between breakpoints; short at a function's jumps.
+
+        Graded after breakpoints, down to the time scale of the highest mode, steps resolve the vibrations excited there:
+        for polynomials, which on two levels of steps, both too coarse for the vibrations, could agree without them.
+        Vibrations in closed form may start from longer, equal steps.
 
         Raises
         ------
         SimulationError
             If the motion is far too long.
         """
-        slowest = self.equations.frequency_range[0]
-        if end * slowest > _LONGEST:
+        lowest, highest = self.equations.frequency_range
+        if end * lowest > _LONGEST:
             raise SimulationError(
-                f"the motion until t = {end:g} s is {end * slowest:.2g} radians of the slowest mode; expected at most "
-                f"{_LONGEST:g}, which is about {_LONGEST / slowest:.2g} s here"
+                f"the motion until t = {end:g} s is {end * lowest:.2g} radians of the slowest mode; expected at most "
+                f"{_LONGEST:g}, which is about {_LONGEST / lowest:.2g} s here"
             )
-        edges = first_steps(self.equations, self.maneuver.breakpoints, end, rtol=self.rtol, graded=graded)
+        phase = _PHASE_GRADED if graded else _PHASE * min(1.0, self.rtol / _LOOSE) ** (1.0 / _ROOT)
+        corners = [0.0, *(item for item in self.maneuver.breakpoints if 0.0 < item < end), end]
+        parts: list[Array] = [np.zeros(1)]
+        for left, right in pairwise(corners):
+            count = max(1, ceil((right - left) * lowest / phase))
+            if graded:
+                halvings = max(0, ceil(log2((right - left) / count * highest / phase)))
+                parts.append(left + (right - left) / count * 0.5 ** np.arange(halvings, 0, -1))
+            parts.append(right - (right - left) / count * np.arange(count - 1, -1, -1))
+        edges = np.concatenate(parts)
         return resolving(edges, self.problem.drive) if self.user_defined else edges

@@ -152,18 +152,12 @@ class FreeTrajectory:
         by_force = legendre.legval(position, terms.T, tensor=False)
         r = start.imag + elapsed * start.real + h * h * by_force.imag
         z, z_rate = np.column_stack([r, x]), np.column_stack([start.real + h * by_force.real, rate])
-        z_rate += self._carried(window, z, turned)
-        return self._physical(z, window), self._physical(z_rate, window)
-
-    def _carried(self, window: Array, z: Array, turned: Array) -> Array:
-        """Return rates of hub and slow modes due to the fast vibrations, which the forces omit."""
-        result = np.zeros_like(z)
-        for index, item in enumerate(self.windows):
+        for index, item in enumerate(self.windows):  # rates due to the fast vibrations, which the forces omit
             within = np.flatnonzero(window == index)
             if within.size and item.fast.any():
                 vibrating = np.where(item.fast, turned[within], 0.0).T
-                result[within] = -item.modes.impulses(z[within].T, vibrating).T
-        return result
+                z_rate[within] -= item.modes.impulses(z[within].T, vibrating).T
+        return self._physical(z, window), self._physical(z_rate, window)
 
     def _physical(self, z: Array, window: Array) -> Array:
         x = np.einsum("kij,kj->ki", self._vibrations.shapes[window], z[:, 1:])
