@@ -4,9 +4,9 @@ A bang-bang torque consists of arcs, on which it is at its limit; every arc is c
 to the torques, weighted by the multipliers of the end conditions, is the switching function.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -72,40 +72,6 @@ class Sensitivity:
         return 2.0 * float(np.sum(np.maximum((self.multipliers @ self.by_torque) * self.steps.u, 0.0)))
 
 
-@dataclass(frozen=True, eq=False)
-class _Stepper:
-    """Integrator of a plant: functions shared by all plants of its kind, and its constants."""
-
-    kind: Kind
-    constants: Array
-
-    def motion(self, start: Array, u: Array, h: Array) -> Array:
-        """Return the states before and after all steps, n x (K + 1)."""
-        steps = _repeated(step_of(self.kind), u.size)
-        return np.column_stack([start, steps(start, u[None, :], h[None, :], self.constants).full()])
-
-    def linearized(self, start: Array, u: Array, h: Array, check: Callable[[], None]) -> tuple[Array, Array]:
-        """Return the same states, and the Jacobians of the steps by state, torque and width, K x n x (n + 2)."""
-        states, jacobians = [start[:, None]], []
-        for part in _parts(_jacobian(self.kind), u.size):
-            check()
-            steps = _repeated(_jacobian(self.kind), u[part].size)
-            after, item = steps(states[-1][:, -1], u[None, part], h[None, part], self.constants)
-            states.append(after.full())
-            jacobians.append(item.full().reshape(self.kind.n, -1, self.kind.n + 2).transpose(1, 0, 2))
-        return np.hstack(states), np.concatenate(jacobians)
-
-    def hessians(self, z: Array, u: Array, h: Array, after: Array, check: Callable[[], None]) -> Array:
-        """Return the Hessians by state and width, K x (n + 1) x (n + 1), weighted by the costates K x n after the steps."""
-        size, hessians = self.kind.n + 1, []
-        for part in _parts(_hessian(self.kind), u.size):
-            check()
-            steps = _hessian(self.kind).map(u[part].size)
-            item = np.array(steps(z[:, :-1][:, part], u[None, part], h[None, part], self.constants, after[part].T))
-            hessians.append(item.reshape(size, -1, size).transpose(1, 0, 2))
-        return np.concatenate(hessians)
-
-
 def _parts(function: ca.Function, count: int) -> Iterator[slice]:
     """Divide steps into parts of about a tenth of a second; the deadline is checked between them."""
     size = max(1, _AT_ONCE // function.n_instructions())
@@ -148,7 +114,6 @@ class EndMap:
 
     problem: SlewProblem
     rows: Array
-    _steppers: Sequence[_Stepper]
 
     @cached_property
     def target(self) -> Array:
@@ -169,21 +134,31 @@ class EndMap:
     def defect(self, steps: Steps) -> Array:
         """Return the terminal state after steps less the target."""
         end = -self.target
-        for stepper, (_, own) in zip(self._steppers, self.problem.parts, strict=True):
-            end += self.rows[:, own] @ stepper.motion(self.problem.start[own], steps.u, steps.h)[:, -1]
+        for plant, own in self.problem.parts:
+            kind, constants = kind_of(plant)
+            move = _repeated(step_of(kind), steps.u.size)
+            z = move(self.problem.start[own], steps.u[None], steps.h[None], constants).full()
+            end += self.rows[:, own] @ z[:, -1]
         return end
 
     def sensitivity(self, steps: Steps) -> Sensitivity:
         """Return the terminal state after steps with its first derivatives."""
         u, h, m = steps.u, steps.h, self.rows.shape[0]
         end, by_torque, by_width, motions = np.zeros(m), np.zeros((m, u.size)), np.zeros((m, u.size)), []
-        for stepper, (plant, own) in zip(self._steppers, self.problem.parts, strict=True):
-            check = partial(self.problem.deadline.check, f"sensitivity of the end to {u.size} steps")
-            z, jacobians = stepper.linearized(self.problem.start[own], u, h, check)
+        for plant, own in self.problem.parts:
+            kind, constants = kind_of(plant)
+            states, pieces, n = [self.problem.start[own][:, None]], [], plant.n
+            for part in _parts(_jacobian(kind), u.size):
+                self.problem.deadline.check(f"sensitivity of the end to {u.size} steps")
+                move = _repeated(_jacobian(kind), u[part].size)
+                following, item = move(states[-1][:, -1], u[None, part], h[None, part], constants)
+                states.append(following.full())
+                pieces.append(item.full().reshape(n, -1, n + 2).transpose(1, 0, 2))
+            z, jacobians = np.hstack(states), np.concatenate(pieces)
             after = _carried_back(jacobians, self.rows[:, own])
             end += self.rows[:, own] @ z[:, -1]
-            by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n])
-            by_width += np.einsum("kmi,ki->mk", after, jacobians[:, :, plant.n + 1])
+            by_torque += np.einsum("kmi,ki->mk", after, jacobians[:, :, n])
+            by_width += np.einsum("kmi,ki->mk", after, jacobians[:, :, n + 1])
             motions.append((z, jacobians))
         return Sensitivity(steps, end, by_torque, by_width, tuple(motions))
 
@@ -191,16 +166,19 @@ class EndMap:
         """Return the second derivatives of the weighted terminal state by the durations of the arcs, q x q."""
         u, h, moved = linearization.steps.u, linearization.steps.h, linearization.steps.moved
         total = np.zeros((moved.shape[1], moved.shape[1]))
-        parts = zip(self._steppers, self.problem.parts, linearization.motions, strict=True)
-        for stepper, (plant, own), (z, jacobians) in parts:
-            n = plant.n
-            check = partial(self.problem.deadline.check, f"curvature of the end over {u.size} steps")
+        for (plant, own), (z, jacobians) in zip(self.problem.parts, linearization.motions, strict=True):
+            (kind, constants), n, pieces = kind_of(plant), plant.n, []
             after = _carried_back(jacobians, weights[None, :] @ self.rows[:, own])[:, 0, :]
+            for part in _parts(_hessian(kind), u.size):
+                self.problem.deadline.check(f"curvature of the end over {u.size} steps")
+                steps = _hessian(kind).map(u[part].size)
+                item = np.array(steps(z[:, :-1][:, part], u[None, part], h[None, part], constants, after[part].T))
+                pieces.append(item.reshape(n + 1, -1, n + 1).transpose(1, 0, 2))
             shifted = np.zeros((u.size, n + 1, moved.shape[1]))
             shifted[:, n, :] = moved
             for k in range(u.size - 1):
                 shifted[k + 1, :n] = jacobians[k, :, :n] @ shifted[k, :n] + np.outer(jacobians[k, :, -1], moved[k])
-            total += np.einsum("kiq,kir->qr", shifted, stepper.hessians(z, u, h, after, check) @ shifted)
+            total += np.einsum("kiq,kir->qr", shifted, np.concatenate(pieces) @ shifted)
         return 0.5 * (total + total.T)
 
 
@@ -217,4 +195,4 @@ def _carried_back(jacobians: Array, rows: Array) -> Array:
 def end_map(problem: SlewProblem, first: TorqueProfile) -> EndMap:
     """Prepare the steps of a problem; rows of its end are scaled by the largest states under a first torque."""
     rows = problem.ends / np.abs(problem.ends * guess_from(problem, first).sizes).max(axis=1, keepdims=True)
-    return EndMap(problem, rows, [_Stepper(*kind_of(plant)) for plant in problem.plants])
+    return EndMap(problem, rows)

@@ -141,44 +141,28 @@ def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, 
     return result
 
 
-def _followed(
-    problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]
-) -> dict[str, tuple[float, Array, Array]]:
-    """Return limit, times and absolute values of all limited quantities, for the plant with the largest value."""
-    peaks = np.maximum(np.abs(history.start_values), np.abs(history.end_values))
-    values = {"torque": (problem.limits.torque, history.edges[:-1], peaks)}
-    for kind, limit in problem.limits.without_torque.items():
-        if kind == "torque_rate":
-            rates = np.abs((history.end_values - history.start_values) / np.diff(history.edges))
-            values[kind] = (limit, history.edges[:-1], rates)
-            continue
-        sizes = [
-            np.abs(motion.coordinates @ plant.rows[kind]) for motion, plant in zip(motions, problem.plants, strict=True)
-        ]
-        worst = max(range(len(sizes)), key=lambda i: sizes[i].max())
-        values[kind] = (limit, motions[worst].time, sizes[worst])
-    return values
-
-
 def violation(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Return the relative excess over each limit in the replay, between its times too; 0 where the limit holds."""
-    result = {}
-    for kind, (limit, _, size) in _followed(problem, history, motions).items():
-        peak = float(size.max())
-        if kind in problem.plants[0].rows:
-            peak = max(
-                path_peak(plant, kind, history, motion.time, motion.coordinates, limit)
-                for plant, motion in zip(problem.plants, motions, strict=True)
-            )
-        result[kind] = max(0.0, peak / limit - 1.0)
-    return result
+    peaks = {"torque": history.peak, "torque_rate": history.max_rate}
+    for kind in set(problem.limits.by_kind) - set(peaks):
+        peaks[kind] = max(
+            path_peak(plant, kind, history, motion.time, motion.coordinates, problem.limits.most(kind))
+            for plant, motion in zip(problem.plants, motions, strict=True)
+        )
+    return {kind: max(0.0, peaks[kind] / limit - 1.0) for kind, limit in problem.limits.by_kind.items()}
 
 
 def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Return limits that are reached within 0.1 %, and the first time of it, s."""
+    rates = (history.end_values - history.start_values) / np.diff(history.edges)
+    own = {"torque": [history.start_values, history.end_values], "torque_rate": [rates]}
     result = {}
-    for kind, (limit, t, size) in _followed(problem, history, motions).items():
-        met = np.flatnonzero(size >= AT_LIMIT * limit)
-        if met.size:
-            result[f"{kind}_limit"] = float(t[met[0]])
+    for kind, limit in problem.limits.by_kind.items():
+        paths = [(history.edges, values) for values in own.get(kind, ())] or [
+            (motion.time, motion.coordinates @ plant.rows[kind])
+            for motion, plant in zip(motions, problem.plants, strict=True)
+        ]
+        met = [float(t[k]) for t, values in paths for k in np.flatnonzero(np.abs(values) >= AT_LIMIT * limit)[:1]]
+        if met:
+            result[f"{kind}_limit"] = min(met)
     return result

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -173,7 +173,9 @@ class TrackedSlew:
         ['0.534 m', '0.045 m']
         """
         true = self.plant if plant is None else instance("plant", plant, Machine, "a hub-beam")
-        controller = self.controller if truth("feedback", feedback) else self._still()
+        controller = self.controller
+        if not truth("feedback", feedback):
+            controller = replace(controller, C=0.0 * controller.C, D=0.0 * controller.D)
         return simulate_loop(
             RubbingMachine(
                 true, nonnegative("friction", friction), positive("friction_smoothing_speed", friction_smoothing_speed)
@@ -356,14 +358,6 @@ class TrackedSlew:
                 f"settling_time = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
             )
         return result
-
-    def _still(self) -> TimeVaryingController:
-        """Return a zero controller with the same signals."""
-        p = len(self.controller.input_labels)
-        none = np.zeros((1, 0, 0)), np.zeros((1, 0, p)), np.zeros((1, 1, 0)), np.zeros((1, 1, p))
-        return TimeVaryingController(
-            *none, self.controller.input_labels, self.controller.output_labels, self.controller.dt
-        )
 
     def _disturbances(self, disturbance: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
         if disturbance is None:
