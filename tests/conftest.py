@@ -27,11 +27,8 @@ HEAVY = ("casadi", "control", "matplotlib", "scipy.signal")  # imports of a seco
 
 OTHER = re.compile("is_quick|is_hunt|skip")  # words of a file whose tests differ by profile, or by what is installed
 
-_SPENT = pytest.StashKey[float]()
-
 
 def pytest_addoption(parser):
-    parser.addoption("--cpu", type=int, default=0, metavar="N", help="show the N tests that take most processor time")
     parser.addoption("--accuracy", metavar="FILE", help="write how exact each answer in tests/stress is, as CSV")
 
 
@@ -58,33 +55,18 @@ def _processor_time():
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_fixture_setup(fixturedef, request):
-    """Charge a test with the fixtures that are made for it alone."""
-    began = _processor_time()
-    try:
-        return (yield)
-    finally:
-        spent = _processor_time() - began
-        if fixturedef.scope == "function":
-            request.node.stash[_SPENT] = request.node.stash.get(_SPENT, 0.0) + spent
-        else:
-            request._pyfuncitem.user_properties.append((f"fixture {fixturedef.argname}", spent))
-
-
-@pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
     """Note what a test took, and what is too much for one that is not marked slow."""
     loaded, began = set(sys.modules), _processor_time()
     result = yield
-    spent = item.stash.get(_SPENT, 0.0) + _processor_time() - began
-    item.user_properties.append(("call", spent))
+    spent = _processor_time() - began
     if spent > LIMIT and is_quick() and not item.get_closest_marker("slow") and loaded.issuperset(HEAVY):
         item.user_properties.append(("long", spent))
     return result
 
 
 def pytest_terminal_summary(terminalreporter, config):
-    """Show where the processor time went: tests, and fixtures that several tests share; name those that are too long."""
+    """Write how exact answers are, if asked for; name tests that take too long."""
     noted = [
         (value, what, report.nodeid)
         for outcome in ("passed", "failed")
@@ -96,12 +78,5 @@ def pytest_terminal_summary(terminalreporter, config):
         rows = sorted((name, *value) for value, what, name in noted if what == "accuracy")
         with open(config.option.accuracy, "w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerows([("test", "outcome", "error", "limit", "message", "measure"), *rows])
-    spent = sorted((entry for entry in noted if entry[1] != "accuracy"), reverse=True)
-    for seconds, what, name in spent:
-        if what == "long":
-            terminalreporter.line(f"{seconds:.1f} s of processor time, make it cheaper or mark it slow: {name}")
-    spent = [entry for entry in spent if entry[1] != "long"]
-    if config.option.cpu:
-        terminalreporter.section(f"processor time: {sum(seconds for seconds, _, _ in spent):.0f} s in tests")
-        for seconds, what, name in spent[: config.option.cpu]:
-            terminalreporter.line(f"{seconds:6.2f} s  {name}  {what if what != 'call' else ''}")
+    for seconds, name in sorted(((value, name) for value, what, name in noted if what == "long"), reverse=True):
+        terminalreporter.line(f"{seconds:.1f} s of processor time, make it cheaper or mark it slow: {name}")
