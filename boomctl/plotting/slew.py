@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.animation import FuncAnimation
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure, FigureBase
-from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.figure import FigureBase
 from matplotlib.patches import Circle
 
 from boomctl.arrays import Array
@@ -142,9 +141,6 @@ def plot_slew_comparison(comparison: Any, ax: Any = None, *, names: Sequence[str
     looks, loads = {line.name: _line_style(k) for k, line in enumerate(ranked)}, comparison.tip_masses
 
     def divide(figure: FigureBase) -> Iterable[Axes]:
-        engine = figure.get_layout_engine() if isinstance(figure, Figure) else None
-        if isinstance(engine, ConstrainedLayoutEngine):
-            engine.set(h_pad=0.03)
         heights = [1.0] * len(shown) + [2.6]
         grid = figure.add_gridspec(len(shown) + 1, 2, width_ratios=(1.2, 1.0), height_ratios=heights)
         tip = figure.add_subplot(grid[len(shown), 0])
@@ -258,7 +254,7 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
         ("torque [N m]", study.outputs["torque"], study.reference["torque"]),
     )
     names = [*(row[0] for row in rows), "fraction of runs"]
-    with panels(ax, names, (7.0, 7.2), _over_time_and_below) as axes:
+    with panels(ax, names, (7.0, 7.2), divided(4, 1)) as axes:
         for item, (label, runs, planned) in zip(axes, rows, strict=False):
             low, quarter, middle, most, high = np.quantile(runs, _BANDS, axis=0)
             look = line_look(style, linewidth=1.0, label="median")
@@ -279,16 +275,6 @@ def plot_tracking_study(study: Any, ax: Any = None, **style: Any) -> Array:
         how = "with feedback" if study.feedback else "feedforward only"
         axes[0].set_title(f"{study.residual_vibration.size} runs, {how}")
         axes[0].figure.align_ylabels(list(axes))
-    return axes
-
-
-def _over_time_and_below(figure: Any) -> Any:
-    """Three axes over one time, and one of its own below."""
-    axes = figure.subplots(4, 1)
-    for item in axes[1:3]:
-        item.sharex(axes[0])
-    for item in axes[:2]:
-        item.tick_params(labelbottom=False)
     return axes
 
 
