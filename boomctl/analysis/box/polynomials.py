@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain, product
-from math import comb, prod
+from math import comb, inf, prod
 
 import numpy as np
 from scipy import linalg
@@ -82,16 +82,30 @@ def within(terms: Polynomial, cell: Cell) -> dict[tuple[int, ...], Array]:
 
 def about(terms: Polynomial, middle: Array) -> dict[tuple[int, ...], Array]:
     """Return the same polynomial in the distances of the parameters from another midpoint."""
-    powers, rows, columns, factors, left = _factors(tuple(terms), len(middle))
-    weights = np.zeros((len(powers), len(terms)))
-    weights[rows, columns] = factors * (middle**left).prod(axis=1)
-    result = np.tensordot(weights, np.array([*terms.values()]), 1)
-    return {power: X for power, X, weight in zip(powers, result, weights, strict=True) if not power or weight.any()}
+    powers, weights = expansion(tuple(terms), middle[None])
+    result = np.tensordot(weights[0], np.array([*terms.values()]), 1)
+    return {power: X for power, X, weight in zip(powers, result, weights[0], strict=True) if not power or weight.any()}
+
+
+def expansion(
+    powers: tuple[tuple[int, ...], ...], middles: Array, order: float = inf
+) -> tuple[list[tuple[int, ...]], Array]:
+    """Return the products, up to an order, of distances from midpoints (N, k), and their weights (N, products, powers)."""
+    wanted, rows, columns, factors, left = _factors(powers, middles.shape[1], order)
+    weights = np.zeros((len(middles), len(wanted), len(powers)))
+    weights[:, rows, columns] = factors * monomials(middles, left)
+    return wanted, weights
+
+
+def monomials(points: Array, exponents: Array) -> Array:
+    """Return the products of coordinates of points (N, k) with exponents (m, k), shape (N, m)."""
+    known = points[:, :, None] ** np.arange(int(exponents.max(initial=0)) + 1)
+    return np.prod([known[:, i, n] for i, n in enumerate(exponents.T)], axis=0)
 
 
 @lru_cache(maxsize=8)
 def _factors(
-    powers: tuple[tuple[int, ...], ...], size: int
+    powers: tuple[tuple[int, ...], ...], size: int, order: float
 ) -> tuple[list[tuple[int, ...]], Array, Array, Array, Array]:
     """Return the products in the expansion of shifted products; row, column, coefficient, remaining powers of each pair."""
     index: dict[tuple[int, ...], int] = {}
@@ -99,9 +113,10 @@ def _factors(
     for column, power in enumerate(powers):
         often = [power.count(i) for i in range(size)]
         for here in product(*(range(count + 1) for count in often)):
-            row = index.setdefault(tuple(i for i, count in enumerate(here) for _ in range(count)), len(index))
-            pairs.append((row, column, prod(map(comb, often, here))))
-            left.append([n - count for n, count in zip(often, here, strict=True)])
+            if sum(here) <= order:
+                row = index.setdefault(tuple(np.repeat(range(size), here).tolist()), len(index))
+                pairs.append((row, column, prod(map(comb, often, here))))
+                left.append([n - count for n, count in zip(often, here, strict=True)])
     return list(index), *np.array(pairs).T, np.array(left)
 
 

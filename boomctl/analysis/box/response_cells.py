@@ -6,11 +6,6 @@ polynomials of them.  Terms of first and second order are exact; the remainder i
 ``N d < d`` (Collatz & Wielandt), ``M`` is regular there and ``(1 + Z)^-1`` is bounded.  A convex function of the terms is
 largest at the vertices of a polytope around them.  If all cells between frequency zero and infinity are regular and the
 loop is stable at one point, no pole crosses the axis anywhere in the box.
-
-A resonance depends on the parameters, and cells of fixed frequencies would have to be as narrow as the resonance.  Cells are
-bounded by two frequencies that are affine in the parameters; a cell that is cut across the frequency is cut along the slope
-at which its response changes least with the parameters.  For any slopes, every frequency of every point of the box is
-between two successive surfaces of the chain from zero to the last.
 """
 
 from __future__ import annotations
@@ -18,7 +13,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations_with_replacement
-from math import comb
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,7 +20,7 @@ from numpy.typing import NDArray
 from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
-from boomctl.analysis.box.polynomials import ROUNDING, Cell
+from boomctl.analysis.box.polynomials import ROUNDING, Cell, expansion, monomials
 from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
@@ -49,8 +43,6 @@ _PARALLEL = 0.9  # Cosine of two eigenvectors above which they are orthogonalize
 _LEVEL = 1.0 - 1e-9  # Fraction of a level that a gain may reach: the difference exceeds the rounding error of the gain.
 _SWEEPS = 5  # Power iterations for the vector ``d``: it need not be exact, any positive vector yields a bound.
 _FAR = 0.6  # Bound of ``Z`` above which it, not the terms of second order, determines where to cut.
-# Width of a cell at its midpoint relative to its change across the cell, below which the cell is not cut along a slope.
-_WEDGE = 1.0
 _ORDER = 2  # Largest order of a product whose matrix is stored with phases; longer products count by their magnitudes.
 _FIRST = 0.5  # First frequency of the chain after zero, relative to the slowest pole.
 # Variables of a larger box whose vertices are combined: memory grows with three to the power of this number.
@@ -66,37 +58,33 @@ class Frontier:
 
     Attributes
     ----------
-    middle, reach : (N, k) ndarray
-        Midpoints and half-widths of their parameters.
-    ends : (N, 2, 1 + k) ndarray
-        Both frequencies, as affine functions of the parameters [rad/s]; inverse ones [s/rad] for cells that reach infinity.
+    middle, reach : (N, 1 + k) ndarray
+        Midpoints and half-widths of their frequencies [rad/s] and parameters; of inverse ones [s/rad] of cells that reach
+        infinity.
     inverse : (N,) ndarray of bool
         True for cells that reach infinity.
     """
 
     middle: Array
     reach: Array
-    ends: Array
     inverse: NDArray[np.bool_]
 
     def __len__(self) -> int:
         return len(self.middle)
 
     def __getitem__(self, index: slice | NDArray[np.bool_ | np.integer]) -> Frontier:
-        return Frontier(self.middle[index], self.reach[index], self.ends[index], self.inverse[index])
+        return Frontier(self.middle[index], self.reach[index], self.inverse[index])
 
-    def with_halves(self, parents: Frontier, axes: NDArray[np.int_], between: Array) -> Frontier:
-        """Return these cells and both halves of others, cut across a parameter or, if ``axes = 0``, along a surface."""
-        result: list[Frontier] = [self]
-        across, along = np.flatnonzero(axes == 0), np.flatnonzero(axes)
-        for side in (-1, 1):
-            middle, reach, ends = parents.middle.copy(), parents.reach.copy(), parents.ends.copy()
-            ends[across, 1 if side < 0 else 0] = between[across]
-            reach[along, axes[along] - 1] *= 0.5
-            middle[along, axes[along] - 1] += side * reach[along, axes[along] - 1]
-            result.append(Frontier(middle, reach, ends, parents.inverse))
-        fields = (np.concatenate([getattr(x, name) for x in result]) for name in ("middle", "reach", "ends", "inverse"))
-        return Frontier(*fields)
+    def with_halves(self, parents: Frontier, axes: NDArray[np.int_]) -> Frontier:
+        """Return these cells and both halves of others, cut across the frequency, axis 0, or a parameter."""
+        cut = np.eye(parents.middle.shape[1])[axes]
+        reach = (1.0 - 0.5 * cut) * parents.reach
+        sides = [parents.middle - cut * reach, parents.middle + cut * reach]
+        return Frontier(
+            np.concatenate([self.middle, *sides]),
+            np.concatenate([self.reach, reach, reach]),
+            np.concatenate([self.inverse, parents.inverse, parents.inverse]),
+        )
 
 
 @dataclass(frozen=True)
@@ -154,18 +142,17 @@ class ResponseCells:
         """Return the cells of a part of the box over all frequencies."""
         low, high = _FIRST * float(np.abs(self.poles).min()), TOP * float(np.abs(self.poles).max())
         chain = np.concatenate([[0.0], np.geomspace(low, high, 2 + int(np.log2(high / low)))])
-        count = len(chain)
-        ends = np.zeros((count, 2, 1 + self.size))
-        ends[:-1, 0, 0], ends[:-1, 1, 0], ends[-1, 1, 0] = chain[:-1], chain[1:], 1.0 / high
-        middle, reach = np.tile(box.middle, (count, 1)), np.tile(box.reach, (count, 1))
-        return Frontier(middle, reach, ends, np.arange(count) == count - 1)
+        ends = np.array([chain, np.append(chain[1:], 0.0)])
+        ends[0, -1] = 1.0 / high
+        middle = np.column_stack([0.5 * ends.sum(axis=0), np.tile(box.middle, (len(chain), 1))])
+        reach = np.column_stack([0.5 * np.abs(ends[1] - ends[0]), np.tile(box.reach, (len(chain), 1))])
+        return Frontier(middle, reach, np.arange(len(chain)) == len(chain) - 1)
 
-    def look(self, cells: Frontier) -> tuple[Array, Array, NDArray[np.int_], Array]:
-        """Return bounds of the largest singular value over cells, its values at their midpoints, and where to cut them."""
+    def look(self, cells: Frontier) -> tuple[Array, Array, NDArray[np.int_]]:
+        """Return bounds of the largest singular value over cells, its values at their midpoints, and the axes to halve."""
         series = _Series.of(self, cells)
         gain, bound, second, rest = series.gains()
-        axes, between = series.cuts(second, rest)
-        return np.where(series.rho < BELOW, bound, np.inf), gain, axes, between
+        return np.where(series.rho < BELOW, bound, np.inf), gain, series.axes(second, rest)
 
     def prove(self, cell: Cell, level: float, limit: int, update: Callable[[float, Array], float]) -> int | None:
         """Prove that no singular value reaches a level; return the number of cells, or None if it is not proved.
@@ -185,13 +172,13 @@ class ResponseCells:
         batch = max(8, _BATCH // len(self.poles) ** 2)
         while len(cells) and visited + len(cells) <= limit and level < np.inf:
             here, cells = cells[-batch:], cells[:-batch]
-            bound, gain, axes, between = self.look(here)
+            bound, gain, axes = self.look(here)
             visited += len(here)
             worst = int(np.argmax(gain))
-            level = update(float(gain[worst]), here.middle[worst])
+            level = update(float(gain[worst]), here.middle[worst, 1:])
             open_ = ~(bound < level * _LEVEL)  # NaN is not proved
             proved += int((~open_).sum())
-            cells = cells.with_halves(here[open_], axes[open_], between[open_])
+            cells = cells.with_halves(here[open_], axes[open_])
         return None if len(cells) else proved
 
 
@@ -205,10 +192,6 @@ class _Series:
     ----------
     loop : ResponseCells
         The loop.
-    cells : Frontier
-        The cells.
-    along : ndarray
-        ``M0^-1`` times the derivative of ``M`` with respect to the frequency.
     Z, sizes : dict
         Terms of first and second order, and the magnitudes of their entries.
     higher : ndarray
@@ -221,13 +204,9 @@ class _Series:
         Bound of the spectral radius of ``Z``, and the vector that yields it.
     nonlinear : ndarray
         Bound of the terms of ``Z`` beyond first order.
-    frequency : tuple of ndarray
-        Value at the midpoints, half the width, half the sums and half the differences of the slopes.
     """
 
     loop: ResponseCells
-    cells: Frontier
-    along: Array
     Z: _Terms
     sizes: _Terms
     higher: Array
@@ -236,29 +215,24 @@ class _Series:
     rho: Array
     d: Array
     nonlinear: Array
-    frequency: tuple[Array, Array, Array, Array]
 
     @classmethod
     def of(cls, loop: ResponseCells, cells: Frontier) -> _Series:
         """Return the series."""
-        values = cells.ends[:, :, 0] + (cells.ends[:, :, 1:] * cells.middle[:, None, :]).sum(axis=2)
-        gradients = cells.ends[:, :, 1:] * cells.reach[:, None, :]
-        center, half = 0.5 * (values[:, 1] + values[:, 0]), 0.5 * (values[:, 1] - values[:, 0])
-        tilt, spread = 0.5 * (gradients[:, 1] + gradients[:, 0]), 0.5 * (gradients[:, 1] - gradients[:, 0])
+        center, half = cells.middle[:, 0], cells.reach[:, 0]
         # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
         a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, center), (0.0, half)))
         b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((center, 1.0), (half, 0.0)))
         turned: _Terms = {(): 1j * a, (0,): 1j * da}
-        for i in range(loop.size):
-            turned[i + 1,], turned[0, i + 1] = (1j * X[:, i, None, None] for X in (tilt, spread))
         still: _Terms = {(): -b, (0,): -db}
-        factors, beyond = _coefficients(loop.powers, cells)
+        factors, beyond = _coefficients(loop.powers, cells.middle[:, 1:], cells.reach[:, 1:])
         E, A, B = ({p: np.tensordot(w, X, 1) for p, w in factors.items()} for X in (loop.E, loop.A, loop.B))
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
         P = {p: inverse @ X for p, X in E.items() if not p or X.any()}
         Q = {p: inverse @ X for p, X in A.items() if p and X.any()}
         Q[()] = (1j * a * P[()] - np.eye(len(loop.poles))) / b  # for j a P - b Q is one
         Z, higher = _expanded((turned, P), (still, Q))
+        Z = {(i,): 0.0 * higher for i in range(1 + loop.size)} | Z
         push = {p: -inverse @ X for p, X in B.items() if not p or X.any()}
         driving, driven = _expanded((turned, push if loop.sampled else {}), (still, push))
         off_E, off_A, off_B = loop.rounding
@@ -275,8 +249,7 @@ class _Series:
         for _ in range(_SWEEPS):
             d = evened(d, main @ d)
         rho, x = (((main + nonlinear) @ d) / d).max(axis=(1, 2)), _solution(driving, Z, loop.size)
-        frequency = center, half, tilt, spread
-        return cls(loop, cells, 1j * P[()], Z, sizes, higher, x, driven, rho, d, nonlinear, frequency)
+        return cls(loop, Z, sizes, higher, x, driven, rho, d, nonlinear)
 
     def gains(self) -> tuple[Array, Array, Array, Array]:
         """Return the gain at the midpoints, its bound over the cells, and the parts of second-order terms and remainder."""
@@ -316,30 +289,16 @@ class _Series:
             at = at.reshape(len(G0), -1, *G0.shape[1:])
         return _largest(G0), _largest(at).max(axis=1) + total, second, rest
 
-    def cuts(self, second: Array, rest: Array) -> tuple[NDArray[np.int_], Array]:
-        """Return the variable across which each cell is to be cut, 0 for the frequency, and the surface of that cut."""
-        (center, half, tilt, spread), d, variables = self.frequency, self.d, range(1 + self.loop.size)
+    def axes(self, second: Array, rest: Array) -> NDArray[np.int_]:
+        """Return the variable across which each cell is to be halved, 0 for the frequency."""
+        d, variables = self.d, range(1 + self.loop.size)
         pairs = {p: 0.5 * size @ d for p, size in self.sizes.items() if len(p) == _ORDER}
-        mixed = [sum((p.count(i) * size for p, size in pairs.items()), np.zeros_like(d)) for i in variables]
-        own = [self.sizes[i,] @ d + mixed[i] for i in variables]
+        own = [self.sizes[i,] @ d + sum(p.count(i) * size for p, size in pairs.items()) for i in variables]
         weights = np.stack([(size / d).max(axis=(1, 2)) for size in own], axis=1)
-        squares = (np.abs(self.along) ** 2).sum(axis=(1, 2))
-        turns = [-(self.along.conj() * self.Z[i,]).sum(axis=(1, 2)).real / squares for i in variables[1:]]
-        turned = [
-            np.abs(self.Z[i,] + turn[:, None, None] * self.along) @ d + mixed[i]
-            for i, turn in zip(variables[1:], turns, strict=True)
-        ]
-        straight = np.abs(half) > _WEDGE * np.abs(spread).max(axis=1)
-        whole = sum(own[1:], own[0])
-        tries = [0.5 * own[0] + sum(turned[1:], turned[0]), *(whole - 0.5 * size for size in own[1:])]
-        after = np.stack([(item / d).max(axis=(1, 2)) for item in tries], axis=1)
-        after[:, 0] = np.where(straight, after[:, 0], np.inf)
+        after = np.stack([((sum(own) - 0.5 * size) / d).max(axis=(1, 2)) for size in own], axis=1)
         score = second + rest[:, None] * weights / weights.sum(axis=1, keepdims=True)
         axes = np.where(np.isfinite(score).all(axis=1), score.argmax(axis=1), weights.argmax(axis=1))
-        axes = np.where(self.rho > _FAR, after.argmin(axis=1), axes)
-        axes = np.where((axes == 0) & ~straight, 1 + np.abs(spread).argmax(axis=1), axes)
-        gradients = np.where(self.cells.inverse[:, None], 0.0, tilt + np.stack(turns, axis=1)) / self.cells.reach
-        return axes, np.column_stack([center - (gradients * self.cells.middle).sum(axis=1), gradients])
+        return np.where(self.rho > _FAR, after.argmin(axis=1), axes)
 
 
 def _expanded(*products: tuple[_Terms, _Terms]) -> tuple[_Terms, Array]:
@@ -379,31 +338,18 @@ def _solution(driving: _Terms, Z: _Terms, size: int) -> _Terms:
     return x
 
 
-def _coefficients(powers: tuple[tuple[int, ...], ...], cells: Frontier) -> tuple[dict[tuple[int, ...], Array], Array]:
-    """Return the coefficients of products of parameters in products of variables of the cells, shape (cells, products).
+def _coefficients(
+    powers: tuple[tuple[int, ...], ...], middle: Array, reach: Array
+) -> tuple[dict[tuple[int, ...], Array], Array]:
+    """Return the coefficients of products of parameters in products of variables of cells, shape (cells, products).
 
     Products of up to two variables have separate coefficients; of longer products the sum of magnitudes is returned.
     """
-    k = cells.middle.shape[1]
-    often = np.array([[power.count(i) for i in range(k)] for power in powers])
-    total = np.ones((len(cells), len(powers)))
-    # Taylor coefficients of each parameter's powers about the midpoint: orders 0, 1 and 2.
-    parts: list[list[Array]] = []
-    for i, (n, middle, reach) in enumerate(zip(often.T, cells.middle.T, cells.reach.T, strict=True)):
-        total *= (np.abs(middle) + reach)[:, None] ** n
-        known = middle[:, None] ** np.arange(n.max(initial=0) + 1)
-        parts.append([])
-        for count in range(_ORDER + 1):
-            left = np.maximum(n - count, 0)
-            binomials = np.where(n >= count, [comb(item, count) for item in n.tolist()], 0.0)
-            parts[i].append(binomials * known[:, left] * (reach**count)[:, None])
-    result: dict[tuple[int, ...], Array] = {}
-    for count in range(_ORDER + 1):
-        for here in combinations_with_replacement(range(k), count):
-            factor = np.prod([parts[i][here.count(i)] for i in range(k)], axis=0)
-            if factor.any():
-                result[tuple(i + 1 for i in here)] = factor
-            total -= np.abs(factor)
+    often = np.array([[power.count(i) for i in range(middle.shape[1])] for power in powers])
+    wanted, weights = expansion(powers, middle, _ORDER)
+    weights *= np.array([reach[:, list(power)].prod(axis=1) for power in wanted]).T[:, :, None]
+    total = monomials(np.abs(middle) + reach, often) - np.abs(weights).sum(axis=1)
+    result = {tuple(i + 1 for i in power): weights[:, row] for row, power in enumerate(wanted)}
     return result, np.maximum(np.where(often.sum(axis=1) > _ORDER, total, 0.0), 0.0)
 
 

@@ -302,21 +302,18 @@ def robust_stability_margin(
     middle = np.zeros(family.nparameters)
     if not loops.stable(middle):
         return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
-    # Factors: largest proved, smallest unproved, largest without a known instability, smallest with one.
-    good, ceiling, calm, bad, where, factor = 0.0, top, 0.0, inf, None, top
+    # Factors: largest proved, smallest not proved, smallest with a known instability.
+    good, ceiling, bad, where, factor = 0.0, top, inf, None, top
     with computing("structured margin", progress):
         for _ in range(_PROOFS):
             result = robust_stability(_enlarged(family, factor), controller, limit, delay=delay)
-            if result.destabilizing_values is None:
-                calm = max(calm, factor)
-            else:
+            good, ceiling = (factor, ceiling) if result.proved else (good, factor)
+            if result.destabilizing_values is not None:
                 where = result.destabilizing_values
-                bad = float(np.abs(family.normalize(where)).max())
-            good, ceiling = (factor, ceiling) if result.proved else (good, min(ceiling, factor, bad))
-            unproved, unknown = ceiling - good, bad - calm if bad < inf else 0.0
-            if max(unproved, unknown) <= 0.5 * close * ceiling:
+                ceiling = bad = float(np.abs(family.normalize(where)).max())
+            if ceiling - good <= 0.5 * close * ceiling:
                 break
-            factor = good + 0.5 * unproved if unproved >= unknown else calm + 0.5 * unknown
+            factor = 0.5 * (good + ceiling)
     return RobustStabilityMargin(good, bad, where)
 
 

@@ -36,7 +36,6 @@ _LOOSER = 10.0  # Factor on the tolerance when the cell budget is exhausted.
 _LOOSENED = 2  # Largest number of such increases.
 _LOST = "the loop is unstable there, or undamped"
 _CHECKED = 8  # Random points of the box at which a bound is checked.
-_COMPARED = 3  # Random points at which the loops of the proof are compared with the loops that define the norm.
 _SAME = 1e-6  # Relative difference of certified norms by two methods that count as equal.
 
 
@@ -284,12 +283,11 @@ def _hindrance(parts: "Sequence[LoopPart]", level: _Level) -> str:
     """Return the reason why no bound can be proved; empty if there is none.
 
     The loops of the proof must be those whose norms were computed: both are compared at the worst point, or the nearest point
-    in a part of the box, at the midpoint, and at random points.
+    in a part of the box, and at the midpoint.
     """
     for part in parts:
         nearest = np.clip((level.worst - part.cell.middle) / part.cell.reach, -1.0, 1.0)
-        drawn = np.random.default_rng(1).uniform(-1.0, 1.0, (_COMPARED, len(nearest)))
-        for point in (nearest, 0.0 * nearest, *drawn):
+        for point in (nearest, 0.0 * nearest):
             if not stable(value_at(part.pencils, point)):
                 return "a pole that is not stable is unobservable or uncontrollable from these signals"
             here, there = level.at(part.cell.point(point)), matrices_norm(part.at(point))

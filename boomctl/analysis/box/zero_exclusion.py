@@ -42,7 +42,6 @@ BELOW = 1.0 - 1e-10  # Below one by more than the rounding error of a matrix-vec
 _LEAST = 1e-12  # Smallest entry of the vector, relative to the largest, so that no entry vanishes.
 _CLOSE = 1e-4  # Smallest width of an interval relative to the narrowest half-width, so that no interval is empty.
 _PRODUCTS = 3  # Largest order of a product whose matrix is stored with phases; longer products are small.
-_CANDIDATES = 4  # Number of critical frequencies at which the spectral radius is computed.
 
 
 @dataclass(frozen=True)
@@ -124,12 +123,9 @@ def _modes(local: Polynomial, reach: Array, error: Array) -> _Modes | None:
         return W[:, rows], X[rows] @ V
 
     both = {power: (factors(pencil[0]), factors(pencil[1])) for power, pencil in local.items()}
-    eye = np.eye(len(poles), dtype=complex)
-    rounding = [F @ G - X for (F, G), X in zip(both.pop(()), (eye, np.diag(poles)), strict=True)]
-    both[(-1,)] = (eye, rounding[0]), (eye, rounding[1])
-    off = np.abs(W) @ error @ np.abs(V)
-    finite = all(np.isfinite(X).all() for pair in both.values() for item in pair for X in item)
-    return _straightened(poles, both, reach, off) if finite else None
+    own = zip(both.pop(()), (np.eye(len(poles)), np.diag(poles)), strict=True)
+    off = np.abs(W) @ error @ np.abs(V) + np.array([np.abs(F @ G - X) for (F, G), X in own])  # rounding included
+    return _straightened(poles, both, reach, off) if np.isfinite(off).all() else None
 
 
 def _straightened(
@@ -137,9 +133,9 @@ def _straightened(
 ) -> _Modes:
     """Return the pencil in eigenvectors that follow the parameters to first order, so that couplings are of second order.
 
-    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``changes[(-1,)]`` is rounding error,
-    and ``error`` bounds the errors of the entries of ``E`` and ``A``.  Products of more than ``order`` parameters count by
-    bounds of their magnitudes: of three factors, by the product of the magnitudes.
+    ``(1 + sum d_i Y_i)(s E - A)(1 + sum d_i X_i)`` is regular only if ``s E - A`` is; ``error`` bounds the errors of the
+    entries of ``E`` and of ``A``.  Products of more than ``order`` parameters count by bounds of their magnitudes: of three
+    factors, by the product of the magnitudes.
     """
     k, n = len(reach), len(poles)
     order = _PRODUCTS if k <= FEW_PARAMETERS else 2
@@ -167,7 +163,7 @@ def _straightened(
                     total = terms.setdefault(whole, np.zeros((2, n, n), complex))
                     total[j] += before[left + 1] @ after[right + 1]
     rest = _beyond(changes, (Y, X), reach, order, error)
-    keys = sorted(terms, key=lambda power: (-1 in power or len(power) > 2, len(power), power))
+    keys = sorted(terms, key=lambda power: (len(power), power))
     bounds = np.array([_range(power, reach) for power in keys])
     return _Modes(
         poles=poles,
@@ -175,7 +171,7 @@ def _straightened(
         A=np.array([terms[power][1] for power in keys]),
         low=bounds[:, 0],
         high=bounds[:, 1],
-        exact=sum(-1 not in power and len(power) <= 2 for power in keys),
+        exact=sum(len(power) <= 2 for power in keys),
         powers=np.array([[power.count(i) for i in range(k)] for power in keys]),
         rest=(rest[0], rest[1]),
     )
@@ -191,26 +187,22 @@ def _beyond(
     """Return bounds of the entries, for E and for A, of products of more than ``order`` parameters and of the errors."""
     Y, X = (np.einsum("i,ijk->jk", reach, np.abs(T)) for T in turns)
     before, after = np.eye(len(Y)) + Y, np.eye(len(X)) + X
-    rest = before @ np.array([error, error]) @ after
+    rest = before @ error @ after
     for length in {len(power) for power in changes}:
         size = sum(
             _range(power, reach)[1] * np.array([np.abs(F @ G) for F, G in pair])
             for power, pair in changes.items()
             if len(power) == length
         )
-        if length > order:
-            rest += before @ size @ after
-        elif length == order:
-            rest += Y @ size @ after + size @ X
-        elif length == order - 1:
-            rest += Y @ size @ X
+        for more, term in enumerate((size, Y @ size + size @ X, Y @ size @ X)):
+            rest += term * (length + more > order)
     return rest
 
 
 def _range(power: tuple[int, ...], reach: Array) -> tuple[float, float]:
-    """Return the range of a product of parameters; the factor -1, for rounding error, counts as one."""
-    size = float(np.prod([reach[i] for i in power if i >= 0]))
-    return (0.0 if len(power) == 2 and power[0] == power[1] >= 0 else -size), size
+    """Return the range of a product of parameters."""
+    size = float(np.prod(reach[list(power)]))
+    return (0.0 if len(power) == 2 and power[0] == power[1] else -size), size
 
 
 def _unexcluded_frequency(modes: _Modes) -> Array | None:
@@ -264,8 +256,7 @@ def _squares(modes: _Modes) -> Array:
     result[:, :2] *= 1.0 + _ROUNDING
     np.einsum("tqkk->tqk", result)[: modes.exact] = 0.0
     E, A = modes.rest
-    if E.any() or A.any():
-        result = np.concatenate([result, [(1.0 + _ROUNDING) * np.array([E**2, A**2, 2.0 * E * A])]])
+    result = np.concatenate([result, [(1.0 + _ROUNDING) * np.array([E**2, A**2, 2.0 * E * A])]])
     return result.reshape(len(result), 3, -1)
 
 
@@ -313,16 +304,12 @@ def _along(modes: _Modes, points: Array) -> Array:
 
 
 def _fail(coupling: Array, distance: Array) -> int | None:
-    """Return the index of a frequency whose couplings exclude a proof, among a few candidates; None if there is none."""
+    """Return the index of the frequency of the strongest couplings if they exclude a proof; otherwise None."""
     if (distance <= 0.0).any():
         return int(np.argmin(distance.min(axis=1)))
     H = coupling / distance[:, :, None]
-    open_ = np.flatnonzero(~_below_one(H))
-    if not len(open_):
-        return None
-    worst = open_[np.argsort(-np.linalg.norm(H[open_], axis=(1, 2)))[:_CANDIDATES]]
-    radius = np.abs(np.linalg.eigvals(H[worst])).max(axis=1)
-    return int(worst[np.argmax(radius)]) if radius.max() >= 1.0 else None
+    at = int(np.argmax(np.linalg.norm(H, axis=(1, 2))))
+    return at if np.abs(np.linalg.eigvals(H[at])).max() >= 1.0 else None
 
 
 def _below_one(H: Array) -> NDArray[np.bool_]:
