@@ -213,6 +213,27 @@ def test_a_level_that_does_not_hold_is_never_proved(monkeypatch):
     assert not found.proved
 
 
+@given(st.integers(0, 10_000))
+@examples(20)
+def test_coupling_bounds_hold_along_interval(seed):
+    rng = np.random.default_rng(seed)
+    modes = zero_exclusion._modes(image(polynomials(rng, 6, 2)), np.array([0.2, 0.1]), np.zeros((6, 6)))
+    assert modes is not None
+    ends = np.array([[lowest := rng.uniform(0.0, 8.0), 1.0], [lowest + rng.exponential(1.0), 1.0]])
+    n = len(modes.poles)
+    coupling = zero_exclusion._couplings(zero_exclusion._squares(modes), ends).reshape(2, n, n).max(axis=0)
+    distance = zero_exclusion._along(modes, ends).min(axis=1).max(axis=0)
+    k = modes.exact
+    for share in rng.uniform(0.0, 1.0, 20):
+        a = ends[0, 0] + share * (ends[1, 0] - ends[0, 0])
+        weights = rng.uniform(modes.low, modes.high)
+        terms = weights[:, None, None] * (1j * a * modes.E - modes.A)
+        diagonal = 1j * a - modes.poles + np.diagonal(terms[:k].sum(axis=0))
+        assert (np.abs(diagonal) >= distance - 1e-12).all()
+        np.einsum("tkk->tk", terms)[:k] = 0.0
+        assert (np.abs(terms.sum(axis=0)) <= coupling + 1e-12).all()
+
+
 @pytest.mark.parametrize("kept", [2, 3])
 @pytest.mark.parametrize("positive", [False, True])
 @given(seed=st.integers(0, 10_000))
@@ -238,3 +259,17 @@ def test_products_of_many_parameters_are_below_their_bound(kept, positive, seed)
         assert (np.abs(beyond) <= bound[j] * (1.0 + 1e-12)).all()
         if positive:
             assert beyond == pytest.approx(bound[j], rel=1e-12)
+
+
+@given(st.integers(0, 10_000), st.floats(0.5, 1.5), st.integers(1, 12))
+@examples(30)
+def test_a_radius_is_called_below_one_only_if_it_is(seed, radius, n):
+    rng = np.random.default_rng(seed)
+    H = rng.uniform(0.0, 1.0, (n, n)) * (rng.uniform(size=(n, n)) < 0.6) * np.exp(3.0 * rng.standard_normal((n, n)))
+    own = np.abs(np.linalg.eigvals(H)).max()
+    H = H * (radius / own) if own > 1e-9 else H
+    shown = bool(zero_exclusion._below_one(H[None])[0])
+    actual = np.abs(np.linalg.eigvals(H)).max()
+    assert not shown or actual < 1.0
+    if own > 1e-9 and (H > 0.0).all():
+        assert shown == (actual < 1.0) or abs(actual - 1.0) < 0.05

@@ -11,7 +11,7 @@ from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import COST_RATIO, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
-from boomctl.checks import positive, whole
+from boomctl.checks import instance, positive, whole
 from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
@@ -298,10 +298,7 @@ def robust_stability_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
-    loops = BoxLoops.of(family, controller, delay)
-    middle = np.zeros(family.nparameters)
-    if not loops.stable(middle):
-        return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
+    instance("family", family, Family, "AffineFamily or PolynomialFamily")
     # Factors: largest proved, smallest not proved, smallest with a known instability.
     good, ceiling, bad, where, factor = 0.0, top, inf, None, top
     with computing("structured margin", progress):

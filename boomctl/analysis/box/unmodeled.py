@@ -109,8 +109,6 @@ def _folded(W: Lti, dt: float) -> Lti:
     It has one input for each state, whose squared gains add up: the noise that drives the states from sample to sample,
     with the covariance ``P - Phi P Phi^T``.
     """
-    if not len(W.A):
-        return replace(W, dt=dt)
     W = W.balanced()
     P = linalg.solve_continuous_lyapunov(W.A, -W.B @ W.B.T)
     size = np.sqrt(np.diag(P))

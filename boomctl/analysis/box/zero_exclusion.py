@@ -40,7 +40,6 @@ _BATCH = 2**17  # Entries of the matrices in one batch, which fit into the cache
 _ROUNDING = 32.0 * EPS  # Rounding error of sums of products of a few terms.
 BELOW = 1.0 - 1e-10  # Below one by more than the rounding error of a matrix-vector product.
 _LEAST = 1e-12  # Smallest entry of the vector, relative to the largest, so that no entry vanishes.
-_CLOSE = 1e-4  # Smallest width of an interval relative to the narrowest half-width, so that no interval is empty.
 _PRODUCTS = 3  # Largest order of a product whose matrix is stored with phases; longer products are small.
 
 
@@ -241,8 +240,6 @@ def _breaks(modes: _Modes) -> Array:
     ends = (modes.poles.imag[:, None] + offsets).ravel()
     top = TOP * float(np.abs(modes.poles).max())
     ends = np.sort(ends[(ends > 0.0) & (ends < top)])
-    gap = _CLOSE * float(width.min())
-    ends = ends[np.concatenate([[True], np.diff(ends) > gap])] if len(ends) else ends
     return np.concatenate([[0.0], ends, [top]])
 
 
@@ -282,12 +279,7 @@ def _failed(modes: _Modes, squares: Array, points: Array) -> tuple[NDArray[np.bo
 def _couplings(squares: Array, points: Array) -> Array:
     """Return upper bounds of the magnitudes of the couplings at each point, shape (points, n squared)."""
     weights = np.column_stack([points**2, points[:, 0] * points[:, 1]])
-    total, term = np.zeros((len(points), squares.shape[2])), np.empty((len(points), squares.shape[2]))
-    for square in squares:
-        np.matmul(weights, square, out=term)
-        np.maximum(term, 0.0, out=term)
-        total += np.sqrt(term, out=term)
-    return total
+    return sum((np.sqrt(np.maximum(weights @ square, 0.0)) for square in squares), np.zeros(()))
 
 
 def _along(modes: _Modes, points: Array) -> Array:
