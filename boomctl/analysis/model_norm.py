@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.analysis.norm import LOST, NO_RESPONSE, NormBounds, matrices_norm, norm_of_data
-from boomctl.analysis.sum_over_modes import Bounded, bounds
+from boomctl.analysis.sum_over_modes import bounds
 from boomctl.arrays import Array
 from boomctl.lti.frequency import (
     ABOVE,
@@ -124,7 +124,16 @@ class SplitModel:
     @cached_property
     def poles(self) -> Array:
         """Poles of all parts [rad/s]."""
-        return np.concatenate([np.zeros(0, complex), *map(_poles, self.parts)])
+        result = [np.zeros(0, complex)]
+        for part in self.parts:
+            try:
+                wide = part.structure.strain_form if _is_wide(part) else None
+                result.append(part._modal_form.poles if wide is None else wide.poles())
+            except (
+                ValueError
+            ):  # An output needs a derivative of an input: the norm is not defined, but the response is.
+                result.append(first_order_poles(part.M, part.C, part.K))
+        return np.concatenate(result)
 
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the poles up to a few times the eighth mode, or up to ``high`` [rad/s], with their frequency range."""
@@ -152,12 +161,18 @@ class SplitModel:
         """
         if not self.parts:
             return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, ("halves",), verified=True, _proved=True, _given=self.model)
-        bounded = [(Bounded() if _is_wide(part) else bounds(part._modal_form), part) for part in self.parts]
+        bounded = [(None if _is_wide(part) else bounds(part._modal_form), part) for part in self.parts]
         norms: list[NormBounds] = []
-        # Skip a part whose bound is below the norm of another part.
-        for most, part in sorted(bounded, key=lambda item: -item[0].norm):
-            if not norms or most.norm > norms[0].lower_bound:
-                norms.append(_part_norm(part, most))
+        for most, part in sorted(bounded, key=lambda item: -inf if item[0] is None else -item[0].norm):
+            if most is None:  # No state space represents its fastest and its slowest motions.
+                band, respond = SplitModel(part, (part,)).resonances(), partial(_response, part)
+                grid = resonance_grid(band.poles, band.low, band.high, points=SEARCHED)
+                peak, at = highest_peak(lambda omega, of=respond: singular_values(of(omega))[0], grid)
+                norms.append(NormBounds(peak, inf, at, LOST))
+            elif (
+                not norms or most.norm > norms[0].lower_bound
+            ):  # Otherwise its bound is below the norm of another part.
+                norms.append(matrices_norm(part._modal_form, partial(_response, part), most))
         largest = max(norms, key=lambda norm: norm.lower_bound)
         widest = max(norms, key=lambda norm: norm.upper_bound)
         verified = largest.verified and widest.upper_bound <= largest.lower_bound * (1.0 + CERTIFIED) + TINY
@@ -172,16 +187,6 @@ class SplitModel:
         )
 
 
-def _part_norm(part: SecondOrderModel, bounded: Bounded) -> NormBounds:
-    """Return the norm of a part; not verified if no state space represents its fastest and its slowest motions."""
-    if not _is_wide(part):
-        return matrices_norm(part._modal_form, partial(_response, part), bounded)
-    band = SplitModel(part, (part,)).resonances()
-    grid = resonance_grid(band.poles, band.low, band.high, points=SEARCHED)
-    peak, at = highest_peak(lambda omega: singular_values(_response(part, omega))[0], grid)
-    return NormBounds(peak, inf, at, LOST)
-
-
 def _is_wide(part: SecondOrderModel) -> bool:
     form = part.structure.strain_form
     if form is None:
@@ -190,14 +195,6 @@ def _is_wide(part: SecondOrderModel) -> bool:
     moving = frequencies[frequencies > 0.0]
     fastest = max(float(frequencies[-1]), float(np.abs(part._modal_form.A.diagonal()).max()))
     return len(moving) > 0 and fastest > _HELD * moving[0]
-
-
-def _poles(part: SecondOrderModel) -> Array:
-    try:
-        wide = part.structure.strain_form if _is_wide(part) else None
-        return part._modal_form.poles if wide is None else wide.poles()
-    except ValueError:  # An output needs a derivative of an input: the norm is not defined, but the response is.
-        return first_order_poles(part.M, part.C, part.K)
 
 
 def _coordinates_of(part: SecondOrderModel) -> str:

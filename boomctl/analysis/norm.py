@@ -200,15 +200,10 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
     infinite, hidden = at_boundary(original, bounded)
     if infinite is not None:
         return infinite
-    if hidden and len(system.A) <= EXACT_STATES:
-        return exact_norm(original, 0.0, 0.0)
     respond, dt = response or partial(system.response, quiet=True), system.dt
     modes, mapped = continuous_image_of_modes(partial_fractions(system), dt)
     error = bounded.error + mapped
-
-    def at_image(v: Array) -> Array:
-        return respond(v if dt == 0.0 else omega_of_image(v, dt))
-
+    at_image = respond if dt == 0.0 else lambda v: respond(omega_of_image(v, dt))
     peak, at, in_modes = _highest(system, at_image, error, modes, response is not None)
     omega = at if dt == 0.0 else float(omega_of_image(at, dt))
     if peak == 0.0 or not isfinite(peak):  # Infinite by overflow.

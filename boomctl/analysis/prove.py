@@ -167,10 +167,15 @@ def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega
         elif exact.is_large and claim.band is None:
             raise UndecidedError("the inequality of the bounded real lemma does not hold in 128 bits")
         else:
-            _check_not_exceeded(claim, exact, level, band)
-            reached = reached or _is_reached(exact, least, omega, band)
-    if not reached and small:
-        reached = any(_is_reached(exact, least, omega, band) for exact in parts)
+            if claim.band is None and claim.stable is None and (exact.sides[0] or exact.sides[2]):
+                _refute(claim, f"a pole at {exact.slowest:.6g} makes the norm infinite")
+            if (where := _reached(exact, level, band)) is not None:
+                _refute(claim, f"a gain of {level:.9g} is exceeded{where}")
+    if not reached and (small or claim.band is not None):
+        reached = any(
+            bool(exact.gain(exact.square(omega)) >= least) or _reached(exact, least, band) is not None
+            for exact in parts
+        )
     if not (reached or small):
         raise UndecidedError(f"no gain of {low:.9g} was found at {omega:.9g} rad/s")
     if not reached:
@@ -178,25 +183,11 @@ def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega
     return f"norm from {low:.9g} to {high:.9g}{over}"
 
 
-def _check_not_exceeded(claim: Claim, exact: Exact, level: float, band: tuple[float, float]) -> None:
-    """Prove in exact arithmetic that no gain in a band reaches a level."""
-    if claim.band is None and claim.stable is None and (exact.sides[0] or exact.sides[2]):
-        _refute(claim, f"a pole at {exact.slowest:.6g} makes the norm infinite")
-    exceeded, at = _is_exceeded(exact, level, band)
-    if exceeded:
-        _refute(claim, f"a gain of {level:.9g} is exceeded{at}")
-
-
-def _is_reached(exact: Exact, level: float, omega: float, band: tuple[float, float]) -> bool:
-    """Return whether a gain in a band is at least a level, in exact arithmetic; ``omega`` [rad/s] is tested first."""
-    return bool(exact.gain(exact.square(omega)) >= level) or _is_exceeded(exact, level, band)[0]
-
-
-def _is_exceeded(exact: Exact, level: float, band: tuple[float, float]) -> tuple[bool, str]:
-    """Return True if a gain in a band reaches a level, and the frequency as text."""
+def _reached(exact: Exact, level: float, band: tuple[float, float]) -> str | None:
+    """Return where a gain in a band reaches a level, as text, in exact arithmetic; None if it does not."""
     squares, stays = exact.crossings(level, 0.5 * (band[0] + band[1]) if band[1] < inf else band[0] + 1.0)
     reached = [f" at {exact.omega(x):.9g} rad/s" for x in map(float, squares) if band[0] < x < band[1]]
-    return bool(reached) or not stays, "".join(reached[:1])
+    return "".join(reached[:1]) if reached or not stays else None
 
 
 def _energy_shown(claim: Claim, parts: list[Exact], low: float, high: float) -> str:

@@ -46,8 +46,6 @@ _DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate 
 _SLOWEST = 1e-9
 _LOWEST = 0.1  # The search begins at this fraction of half the sampling rate, or below if a pole is slower.
 _ABOVE = 4e-6  # Relative distance of the level from the gain reached: below CERTIFIED.
-# Further distances if the gain is reached only with more parts; such bounds are not verified.
-_FAR_ABOVE = (3e-5, 1e-4, 1e-3)
 _MOVES = 4  # Largest number of frequencies at which a peak of the level's loop is followed.
 _CONVERGED = 1e-6  # The number of parts is increased until the gain changes by less, relative.
 _PARTS = (4, 16, 64, 192)  # Numbers of parts of a sample: the error falls with their fourth power.
@@ -297,9 +295,6 @@ class SampledLoop:
                 if not np.isfinite(norm.lower_bound):
                     break
                 at = norm.peak_omega
-        for above in _FAR_ABOVE:
-            if self.of_level(lower * (1.0 + above)).upper_bound < 1.0:
-                return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
         return NormBounds(lower, inf, omega, NOT_PROVED)
 
     def lifted(self, parts: int) -> tuple[Lti, Array]:

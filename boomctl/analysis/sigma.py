@@ -334,28 +334,25 @@ def sigma(
 
 def curves_of(systems: Mapping[_Key, SelectedSystem]) -> dict[_Key, SigmaResult]:
     """Compute the singular values of systems, at common frequencies by default."""
-    shown = [selected for selected in systems.values() if selected.omega is None]
-    grid = _common_grid(shown) if shown else np.zeros(0)
+    grid = np.zeros(0)
+    if shown := [selected for selected in systems.values() if selected.omega is None]:
+        # Up to the lowest Nyquist frequency, through the resonances and peaks of all systems
+        with computing("singular values"):
+            tell("verified peak")
+            peaks = [selected.norm.peak_omega for selected in shown]
+            tell("resonances")
+            bands = [selected.resonances() for selected in shown]
+            low, high = min(band.low for band in bands), max(band.high for band in bands)
+            poles = [selected.resonances(high).poles for selected in shown]
+            grid = drawn_grid(Resonances(np.concatenate(poles), low, high), peaks)
+            tell(f"{len(grid)} frequencies")
+        grid = grid[grid <= min(selected.nyquist for selected in shown)]
     result = {}
     for name, selected in systems.items():
         omega = grid if selected.omega is None else selected.omega
         values = finite(omega, selected.singular_values(omega, quiet=selected.omega is None))
         result[name] = SigmaResult(omega, values, *selected.labels, selected, selected.unit)
     return result
-
-
-def _common_grid(systems: Sequence[SelectedSystem]) -> Array:
-    """Return frequencies up to the lowest Nyquist frequency that resolve the resonances and peaks of all systems."""
-    with computing("singular values"):
-        tell("verified peak")
-        peaks = [selected.norm.peak_omega for selected in systems]
-        tell("resonances")
-        bands = [selected.resonances() for selected in systems]
-        low, high = min(band.low for band in bands), max(band.high for band in bands)
-        poles = [selected.resonances(high).poles for selected in systems]
-        grid = drawn_grid(Resonances(np.concatenate(poles), low, high), peaks)
-        tell(f"{len(grid)} frequencies")
-    return grid[grid <= min(selected.nyquist for selected in systems)]
 
 
 def finite(omega: Array, values: Array) -> Array:

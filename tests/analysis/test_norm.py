@@ -1,5 +1,7 @@
 """Verified norms: against closed forms, against another solver, and never below an attained value."""
 
+from dataclasses import replace
+
 import control
 import numpy as np
 import pytest
@@ -86,6 +88,17 @@ def test_that_of_many_signals_is_told_by_eigenvalues(signals, method):
     assert norm.method == method
     assert norm.verified
     assert norm.lower_bound == pytest.approx(np.linalg.norm(B.T @ np.linalg.solve(-A, B), 2), rel=1e-9)
+
+
+def test_wrong_bounds_are_refuted_and_missing_ones_are_not():
+    """A proof refutes verified bounds that are wrong; of a result without an upper bound it states the stored numbers."""
+    norm = hinf_norm(control.ss(-1.0, 1.0, 1.0, 0.0))
+    wrong = replace(norm, lower_bound=2.0, upper_bound=2.1, _proved=False)
+    assert wrong.verified
+    assert not wrong.certified
+    assert "norm between" in bc.prove(replace(norm, upper_bound=np.inf)).claim
+    lag = h2_norm(control.ss(-1.0, 1.0, 1.0, 0.0))
+    assert not replace(lag, lower_bound=2.0, upper_bound=2.1, _proved=False).certified
 
 
 def test_a_static_gain_and_a_zero_system_have_norms():

@@ -30,6 +30,8 @@ def test_sigma_of_model_state_space_and_data_agree():
     system = model.to_statespace(ACTUATORS, TIPS)
     assert np.abs(bc.sigma(system, omega).sigma / ours.sigma - 1).max() < 1e-8
     assert np.abs(bc.sigma(model.frequency_response(omega, ACTUATORS, TIPS)).sigma / ours.sigma - 1).max() < 1e-10
+    data = bc.hinf_norm(model.frequency_response(omega, ACTUATORS, TIPS))
+    assert (data.lower_bound, data.upper_bound) == (pytest.approx(ours.sigma.max(), rel=1e-10), np.inf)
     peers = control.singular_values_response(system, omega)
     assert np.abs(np.real(peers.frdata[:, 0]) / ours.sigma - 1).max() < 1e-6
     assert bc.sigma(system).peak == pytest.approx(ours.peak, rel=1e-7)
