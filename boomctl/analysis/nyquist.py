@@ -163,7 +163,14 @@ def nyquist_stability(
     own, side = K.poles, side_of_axis(K.poles)
     if (side == 0).any():
         raise ValueError("controller: expected no pole on the imaginary axis (an integrator, an undamped mode)")
-    near: Array = np.concatenate([_estimates(plant_poles), own])
+    estimates = np.atleast_1d(plain_array("plant_poles", plant_poles))
+    if estimates.dtype.kind not in "iufc" or estimates.ndim != 1:
+        raise TypeError(
+            f"plant_poles: expected numbers in one dimension, got shape {estimates.shape} of {estimates.dtype}"
+        )
+    if estimates.size:
+        frequencies("sizes of plant_poles", np.abs(estimates))
+    near: Array = np.concatenate([estimates, own])
     near = near[np.abs(near) > 0.0]
     near = near.real + 1j * np.abs(near.imag)
     end = _end(plant, K, 2.0 * float(np.abs(near).max(initial=1.0)))
@@ -191,15 +198,6 @@ def nyquist_stability(
     closest = float(least[best]), float(omega[best])
     counts = unstable - count, count, unstable
     return NyquistStability(count == unstable, *counts, *closest, end, len(omega), omega, determinants - 1.0)
-
-
-def _estimates(poles: ArrayLike) -> Array:
-    array = np.atleast_1d(plain_array("plant_poles", poles))
-    if array.dtype.kind not in "iufc" or array.ndim != 1:
-        raise TypeError(f"plant_poles: expected numbers in one dimension, got shape {array.shape} of {array.dtype}")
-    if array.size:
-        frequencies("sizes of plant_poles", np.abs(array))
-    return array.astype(complex)
 
 
 def _gains(plant: Callable[[Array], control.FrequencyResponseData], K: Lti, omega: Array) -> tuple[Array, Array]:

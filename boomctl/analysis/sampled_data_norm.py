@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy import linalg
 
+from boomctl.analysis.loops import signals_of
 from boomctl.analysis.norm import NormBounds, matrices_norm
 from boomctl.arrays import Array, blocks
 from boomctl.checks import names
@@ -102,8 +103,6 @@ def sampled_data_norm(
     >>> round(norm.lower_bound, 3), bool(norm.verified)
     (0.904, True)
     """
-    from boomctl.analysis.loops import signals_of
-
     P = of(plant, "plant")
     K = controller_of(controller, discrete=True, sampled=True, scales=P.scales)
     if K.dt == 0.0:

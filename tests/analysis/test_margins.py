@@ -323,9 +323,3 @@ def test_margins_table_uncertified_disk_prints_lower_bound():
     assert f"delay {found['u'].delay_margin:.4g} s" in repr(found)
     assert replace(found["u"].disk_margin, verified=False)._text.startswith(">= ")
     assert found["u"].plot().get_lines()
-
-
-def test_margins_of_systems_without_names_tell_how_to_name_them():
-    plant = control.ss(-1.0, 1.0, 1.0, 0.0)
-    with pytest.raises(ValueError, match=r"its signals have no names but u\[0\], y\[0\].*update_names"):
-        margins(plant, plant)

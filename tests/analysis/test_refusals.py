@@ -105,6 +105,7 @@ unmodelled(DISCRETE) -> additive_uncertainty: expected continuous time
 bc.with_state_outputs(yaw_family(accelerometer_bandwidth_hz=20.0)) -> filter behind 'tip_acc
 bc.with_state_outputs(yaw_family(excitation="velocity")) -> got an input that is integrated
 bc.with_state_outputs(double_integrator([[1.0, 0.0]], states=["a.b", "a_b"])) -> 'a_b' twice
+bc.margins(control.ss(-1, 1, 1, 0), control.ss(-1, 1, 1, 0)) -> its signals have no names but u\[0\], y\[0\].*update_names
 bc.margins(one.yaw(), gain([[-1.0]], "mode1_x1", "suspension_anti")) -> with_state_outputs\(plant\)
 bc.hinf_norm(bc.lqr(PLANT, 1.0, 1.0)) -> got LqrResult; its \.controller is one
 """
