@@ -21,7 +21,7 @@ from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 _MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
 _TINY = 1e-100  # norm in place of zero, with a finite logarithm
 # relative distance within which a peak represents another frequency: their second derivatives are nearly equal
-_PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
+PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases of combinations of two singular vectors with nearly equal values
 _ALIKE_POLES = 0.05  # distance to the highest bound on poles within which a pole is an active function
 _NEAR_EDGE = 4.0  # ratio to the required distance from the edge of stability up to which a pole is an active function
@@ -308,17 +308,21 @@ class Point:
         return self.aim + weight * over.value, lambda: self._gradient(self.top) + weight * self._gradient(over)
 
     # -- pieces ----------------------------------------------------------------------------------------------------
-    def active_functions(self, window: float, between: float = 0.0) -> list[ActiveFunction]:
+    def active_functions(
+        self, window: float, requested: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
+    ) -> list[ActiveFunction]:
         """Return the active functions within a relative window of the highest objective, or of budgets.
 
-        These are peaks, and frequencies of the grid within the fraction ``between``.
+        These are peaks, requested frequencies, and frequencies of the grid within the fraction ``between``.
         """
         result: list[ActiveFunction] = []
         for pair, curve in self.curves.items():
             high = self._near(pair, window)[0]
-            omega, values, _ = curve.coarse
-            others = omega[values >= (1.0 - between) * exp(self._level(pair[1]))].tolist() if between and high else []
-            others = [at for at in others if not any(same_frequency(at, peak, _PEAK_RTOL) for peak in high)]
+            others = sorted(at for *there, at in requested or () if tuple(there) == pair)
+            if between and high:
+                omega, values, _ = curve.coarse
+                others += omega[values >= (1.0 - between) * exp(self._level(pair[1]))].tolist()
+            others = [at for at in others if not any(same_frequency(at, peak, PEAK_RTOL) for peak in high)]
             result += self._singular(pair, [(at, window) for at in high] + [(at, 0.0) for at in others])
         for item in (*self.squares, *self.bounds):
             result.append(ActiveFunction(*item[:4], self._gradient(item), self.problem.is_limit(item.channel)))

@@ -14,14 +14,14 @@ from scipy.optimize import nnls
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import TINY
-from boomctl.tuning.point import ActiveFunction, Height, Point
+from boomctl.tuning.point import PEAK_RTOL, ActiveFunction, Height, Point
 from boomctl.tuning.problem import GAIN_LIMIT
-from boomctl.tuning.responses import WINDOW
+from boomctl.tuning.responses import WINDOW, same_frequency
 from boomctl.tuning.solver.descent import Ended
 
 _MOST = 80  # active functions at most, the highest ones
 _BETWEEN = 0.03  # relative window below the highest within which grid frequencies are active functions
-_TRIALS = 14  # trials of a step; each shortens the step
+_TRIALS = 14  # trials of a step; each adds an active function or shortens the step
 _CORRECTIONS = 2  # second-order corrections of a step at most
 _FALL = 0.1  # accept a step if the decrease is at least this fraction of the predicted one
 _GOOD = 0.6  # fraction of the predicted decrease above which the next step may be longer
@@ -74,7 +74,8 @@ class Polish:
             return Ended(self._point.x, value, 0)
         history = [value]
         for k in range(steps):
-            functions = _chosen(self._point)
+            requested: set[tuple[int, int, float]] = set()
+            functions = _chosen(self._point, requested)
             if not functions:  # the norm is zero
                 return Ended(self._point.x, value, k, stationary=True)
             self._sizes = _sizes(functions, self._H)
@@ -90,8 +91,12 @@ class Polish:
                         good = value - result >= _GOOD * predicted
                         self._damping = max((0.1 if good else 0.4) * self._damping, _LEAST)
                     break
+                more = _new_peaks(there, functions) - requested if isfinite(result) else set()
+                if more:
+                    requested |= more
+                    functions = _chosen(self._point, requested)
                 shorter = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
-                self._damping = min(max(6.0 * self._damping, shorter), _LARGEST)
+                self._damping = min(max((2.0 if more else 6.0) * self._damping, shorter), _LARGEST)
             else:
                 return Ended(self._point.x, value, k)
             self._point, value = there, result
@@ -224,8 +229,8 @@ def _squared(c: Array, weights: Array | float = 1.0) -> Array:
     return (c.real * weights) @ c.real.T + (c.imag * weights) @ c.imag.T
 
 
-def _chosen(point: Point) -> list[ActiveFunction]:
-    functions = sorted(point.active_functions(WINDOW, between=_BETWEEN), key=lambda p: p.value, reverse=True)
+def _chosen(point: Point, requested: "set[tuple[int, int, float]]") -> list[ActiveFunction]:
+    functions = sorted(point.active_functions(WINDOW, requested, between=_BETWEEN), key=lambda p: p.value, reverse=True)
     return [p for p in functions if not p.limit][:_MOST] + [p for p in functions if p.limit][:_MOST]
 
 
@@ -250,6 +255,17 @@ def _nearest(functions: list[ActiveFunction], others: list[Height]) -> list[Heig
     distance[(a == b) | np.isnan(a)] = 0.0
     distance[(mine[..., :2] != theirs[:, :2]).any(axis=2) | np.isnan(distance)] = inf
     return [others[k] if row[k] <= _NEAR else None for row, k in zip(distance, distance.argmin(axis=1), strict=True)]
+
+
+def _new_peaks(trial: Point, functions: list[ActiveFunction]) -> "set[tuple[int, int, float]]":
+    """Return the highest peaks at a trial point that are not among the active functions."""
+    result = set()
+    for model, channel, omega, *_ in (trial.top, *([trial.over] if trial.over else [])):
+        there = [p.omega for p in functions if (p.model, p.channel) == (model, channel)]
+        at_peak = channel >= GAIN_LIMIT and not np.isnan(omega)
+        if at_peak and not any(same_frequency(omega, item, PEAK_RTOL) for item in there):
+            result.add((model, channel, omega))
+    return result
 
 
 def stationarity(functions: list[ActiveFunction], point: Point, low: Array, high: Array) -> float:
