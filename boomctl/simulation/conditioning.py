@@ -20,16 +20,14 @@ from scipy import linalg
 from boomctl.arrays import Array, balance
 from boomctl.checks import warn_user
 from boomctl.exceptions import WindupWarning
+from boomctl.lti.rounding import EPS, LEVEL, SUMMED
 from boomctl.lti.system import Lti
 
 # Relative noise added to all signals, so that the Riccati equation is solvable; too small to affect the gain.
 _REGULAR = 1e-10
 _WEAK = 1e8  # Softening of controls without limits: they count only for modes that no other control shows.
-_GROWTH = 1e-6  # Relative excess over the spectral radius allowed in the growth of an unstable controller per sample.
-_ROUNDED = 1e-12  # Error of the magnitude of a pole on the unit circle.
 _FOLLOWED = 2  # Most controls with a rate limit only for which boundedness is proved: see above.
 _DOUBLINGS = 40  # Doublings of the number of powers in a sum: a pole at 1 - 1e-10 has decayed by then.
-_UNIT = 2.0**-53  # Unit roundoff.
 
 
 def correction(laws: Sequence[Lti], force: Array, rate: Array) -> Array:
@@ -61,7 +59,7 @@ def _limit_sets(limited: Array) -> list[list[int]]:
 
 def _rate(own: float) -> float:
     """Return the allowed growth factor of a corrected controller per sample: 1 if its poles are stable."""
-    return own * (1.0 + _GROWTH) if own > 1.0 - _ROUNDED else 1.0
+    return own * (1.0 + LEVEL) if own > 1.0 - SUMMED else 1.0
 
 
 def _followed(force: Array, rate: Array, count: int) -> Array:
@@ -176,8 +174,8 @@ def _corrected(laws: Sequence[Lti], gains: Array, S: list[int]) -> tuple[Array, 
         for a, b in ((i, j), (j, i)):
             L, C = gains[a][:, S], laws[b].C[S]
             V[k] += 0.5 * (laws[a].A - L @ C)
-            # twice the rounding error of products, sums and differences
-            error_bound[k] += (len(S) + 4) * _UNIT * (np.abs(laws[a].A) + np.abs(L) @ np.abs(C))
+            # four times the rounding error of products, sums and differences
+            error_bound[k] += (len(S) + 4) * EPS * (np.abs(laws[a].A) + np.abs(L) @ np.abs(C))
     return V, error_bound
 
 
@@ -186,7 +184,7 @@ def _contracting(V: Array, error_bound: Array, rate: float) -> bool:
     P = _lyapunov_matrix(V.mean(axis=0) / rate)
     if P is None or not positive_definite(P, np.zeros_like(P)):
         return False
-    size, sums = np.abs(P), (4 * len(P) + 8) * _UNIT  # twice the rounding error of the sums of the products
+    size, sums = np.abs(P), (4 * len(P) + 8) * EPS  # four times the rounding error of the sums of the products
     for item, off in zip(V, error_bound, strict=True):
         M, reach = rate**2 * P - item.T @ P @ item, np.abs(item) + off
         E = sums * (rate**2 * size + reach.T @ size @ reach) + off.T @ size @ reach + reach.T @ size @ off
@@ -206,7 +204,7 @@ def _lyapunov_matrix(V: Array) -> Array | None:
             P, power = P + power.T @ P @ power, power @ power
             if not np.isfinite(P).all():
                 return None
-            if np.abs(power).max() < _UNIT:
+            if np.abs(power).max() < EPS:
                 break
     return 0.5 * (P + P.T) / np.outer(scale, scale)
 
@@ -221,7 +219,7 @@ def positive_definite(M: Array, error_bound: Array) -> bool:
         return False
     scale = np.exp2([-round(0.5 * frexp(value)[1]) for value in np.diag(M)])  # powers of two: exact
     M, E = M * np.outer(scale, scale), error_bound * np.outer(scale, scale)
-    off = E.sum(axis=1).max() + E.sum(axis=0).max() + 2.0 * (len(M) + 2) * _UNIT * np.trace(M)
+    off = E.sum(axis=1).max() + E.sum(axis=0).max() + (len(M) + 2) * EPS * np.trace(M)
     try:
         np.linalg.cholesky(M - off * np.eye(len(M)))
     except np.linalg.LinAlgError:

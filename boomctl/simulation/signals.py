@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, known, mapping, nonnegative, plain_array, positive, whole
+from boomctl.lti.rounding import LEVEL
 
 _MOST_STEPS = 1e8  # Most steps of a run; bounds the memory of the stored signals.
-_EVEN = 1e-6  # Relative difference of steps that count as equal: times printed with seven digits pass.
 
 Levels = float | Mapping[str, float] | None
 
@@ -66,7 +66,8 @@ def uniform_times(timepts: ArrayLike) -> Array:
     if mean <= 0.0:
         raise ValueError("timepts: expected ascending times")
     off = np.abs(steps - mean)
-    if off.max() > _EVEN * mean + 1e-12 * np.abs(time).max():
+    # times printed with seven digits pass
+    if off.max() > LEVEL * mean + 1e-12 * np.abs(time).max():
         k = int(off.argmax())
         raise ValueError(
             f"timepts: expected equal steps of {exactly(mean)} s, got {exactly(steps[k])} s after "
@@ -88,7 +89,7 @@ def time_grid(timepts: ArrayLike, sample_time: float, substeps: int = 1) -> Time
     step = float(time[-1] - time[0]) / (len(time) - 1)
     per_point, per_sample = max(1, round(step / sample)), max(1, round(sample / step))
     h = min(step, sample)
-    if abs(h * per_point - step) > _EVEN * step or abs(h * per_sample - sample) > _EVEN * sample:
+    if abs(h * per_point - step) > LEVEL * step or abs(h * per_sample - sample) > LEVEL * sample:
         raise ValueError(
             f"sample_time = {exactly(sample)} s, steps of timepts {exactly(step)} s: expected one to be a "
             f"whole multiple of the other"

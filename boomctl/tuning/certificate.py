@@ -30,7 +30,6 @@ _EDGE = 1e-5  # decay rate of a pole over its modulus below which a loop may be 
 _LOST = 1e-3  # fraction of the pole's open-loop relative decay rate below which it is
 _SAME_POLE = 0.3  # relative distance within which an open-loop pole corresponds to a closed-loop pole
 _ACTIVE = 1e-3  # relative distance to a norm or bound within which a peak or bound is active
-_AT_END = 1e-6  # fraction of a range within which a parameter is at its bound
 _BOUND_TIME = 20.0  # time limit of the lower bound for any controller, in addition to that of the search [s]
 _MOST_BOUNDS = 3  # models for which the lower bound is computed: those with the largest norms
 
@@ -214,7 +213,7 @@ def _used_up(
     result = []
     for item, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
         for end, name in ((low, "least"), (high, "largest")):
-            if abs(number - end) <= _AT_END * (high - low):
+            if abs(number - end) <= LEVEL * (high - low):
                 away = f"{item.name} diverges: infimum at infinite gain; set max_gain"
                 result.append(away if item.kind == GAIN else f"{item.name} at its {name}, {item.value(number):.6g}")
     for text, value, excess in bounds:

@@ -8,11 +8,9 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import block_diagonal
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import ROOT, TINY
 from boomctl.synthesis.plants.partition import GeneralizedPlant
 
-_INDEPENDENT = 1e7  # norm of the inverse eigenvector matrix up to which responses have eight accurate digits
-_HAIR = 1e-7  # relative perturbation that separates defective eigenvalues: far below the tolerance of the norms
 _ILL_POSED = 1e-10  # smallest singular value of I - K D22 up to which a loop is not well-posed
 
 
@@ -57,7 +55,7 @@ def without_jordan_blocks(A: Array) -> Array:
     """
     if not len(A) or independent(A) is not None:
         return A
-    blocks, columns, widths = block_diagonal(A, _INDEPENDENT**0.5)
+    blocks, columns, widths = block_diagonal(A, ROOT**-0.5)
     start, perturbation = 0, np.zeros_like(A)
     for width in widths:
         part = slice(start, start + width)
@@ -65,7 +63,7 @@ def without_jordan_blocks(A: Array) -> Array:
         if width > 1 and independent(block) is None:  # the transposed nilpotent part separates them most
             nilpotent = block - np.eye(width) * np.trace(block) / width
             size = float(np.linalg.norm(nilpotent))
-            perturbation[part, part] = _HAIR * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
+            perturbation[part, part] = ROOT * float(np.linalg.norm(block)) * nilpotent.T / max(size, TINY)
         start += width
     result = A + columns @ perturbation @ np.linalg.inv(columns)
     return result if independent(result) is not None else A
@@ -78,7 +76,7 @@ def independent(A: Array) -> tuple[Array, Array, Array] | None:
         inverse = np.linalg.inv(vectors)
     except np.linalg.LinAlgError:
         return None
-    if not np.abs(inverse).sum(axis=1).max() <= _INDEPENDENT:  # for unit vectors
+    if not np.abs(inverse).sum(axis=1).max() <= 1.0 / ROOT:  # for unit vectors
         return None
     return values.astype(complex), inverse.astype(complex), vectors.astype(complex)
 

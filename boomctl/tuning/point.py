@@ -14,11 +14,11 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import ALIKE
 from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 
-_MARGIN = 1e-9  # stability margin of a loop's poles over its largest pole: above rounding error
 _TINY = 1e-100  # norm in place of zero, with a finite logarithm
 # relative distance within which a peak represents another frequency: their second derivatives are nearly equal
 PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
@@ -172,7 +172,7 @@ class Point:
             return False
         for model in self._models:
             loop = self.loop(model)
-            if not loop.abscissa < -_MARGIN * float(np.abs(loop.poles).max(initial=0.0)):
+            if not loop.abscissa < -ALIKE * float(np.abs(loop.poles).max(initial=0.0)):
                 return False
         return True
 

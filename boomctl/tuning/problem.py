@@ -10,7 +10,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import LEVEL, TINY
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.channels import Channel, signal_indices
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -20,7 +20,6 @@ from boomctl.tuning.plants import Plants
 
 _POINTS = 24  # frequencies at which the magnitudes of plants are evaluated
 _ROUNDS = 30  # iterations of scaling rows and columns; the error converges quadratically
-_SLOWEST = 1e-6  # fraction of the fastest pole below which poles are ignored for the band
 _LOW = 1e-3  # fraction of its peak at which a response is clipped for its mean magnitude
 _LOG_RATIO = np.log(1e3)  # log ratio to the rest of its row and column below which a response is ignored for scaling
 _LARGEST_GAIN = 1e6  # largest free parameter over its natural size: bounds infima at infinite gain
@@ -144,7 +143,7 @@ class Problem:
 def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
     """Return the ports of a controller, with signals scaled such that ``P22`` is near one in the plant's band."""
     poles = (np.abs(plant.system.poles) for plant in plants)
-    sizes = [rates[rates > _SLOWEST * rates.max(initial=0.0)] for rates in poles]
+    sizes = [rates[rates > LEVEL * rates.max(initial=0.0)] for rates in poles]
     rates = np.concatenate([size for size in sizes if len(size)] or [np.ones(1)])
     omega, first = np.geomspace(rates.min() / 3.0, rates.max() * 3.0, _POINTS), plants[0]
     rows, columns = np.zeros(first.nmeas), np.zeros(first.ncon)

@@ -9,18 +9,14 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.frequency import top_of_resonance
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import ALIKE, ROOT, TINY
 from boomctl.tuning.loops import Closed
 
 _POINTS = 24  # logarithmically spaced grid points, in addition to the resonances
 _SPREAD = np.arange(_POINTS) / (_POINTS - 1.0)
 _OFFSETS = np.array([-1.0, 0.0, 1.0])  # grid points around a resonance, in half-widths
-_SLOWEST = 1e-7  # fraction of the fastest pole below which peaks are sought at zero only
-_NARROWEST = 1e-9  # smallest relative half-width of a resonance
 _ROUNDS = 6  # bracket refinements, each to a tenth or less of the width for a smooth peak
 _CLOSE = 0.05  # fraction of a bracket on either side of the interpolated peak
-_PLACED = 1e-7  # relative width of a bracket at convergence: the error of the value is of its square
-_FLAT = 1e-9  # relative height of a bracket below which it is flat and needs no refinement
 WINDOW = 0.1  # relative window below the highest peak within which peaks are refined
 BELOW = 0.8  # assumed least ratio of the grid's values to a peak, since the grid follows the poles
 
@@ -53,8 +49,8 @@ class Bracket(NamedTuple):
     @property
     def narrow(self) -> bool:
         """True at convergence: the bracket is narrow or flat."""
-        flat = min(self.left, self.top, self.right) >= self.top * (1.0 - _FLAT)
-        return flat or not self.high - self.low > _PLACED * self.high
+        flat = min(self.left, self.top, self.right) >= self.top * (1.0 - ALIKE)
+        return flat or not self.high - self.low > ROOT * self.high
 
     def candidates(self) -> list[float]:
         """Return the next frequencies: around the peak of the resonance through the three points."""
@@ -176,7 +172,7 @@ class Response:
         for value, at in both:
             # neighbors on the grid may converge to the same peak
             if value >= (1.0 - WINDOW) * both[0][0] and not any(
-                same_frequency(at, k[1], 10.0 * _PLACED) for k in distinct
+                same_frequency(at, k[1], 10.0 * ROOT) for k in distinct
             ):
                 distinct.append((value, at))
         return np.array([at for _, at in distinct]), np.array([value for value, _ in distinct])
@@ -238,15 +234,15 @@ def grid(poles: Array, also: Array) -> Array:
     """Return ascending frequencies, from zero, that resolve all resonances."""
     size = np.abs(poles)
     top = float(size.max(initial=0.0))
-    rates = size[size > _SLOWEST * top]
+    rates = size[size > ROOT * top]
     if not len(rates):
         return np.unique(np.concatenate([[0.0], also]))
     resonant = poles[poles.imag > 0.0]
-    width = np.maximum(np.abs(resonant.real), _NARROWEST * np.abs(resonant))
+    width = np.maximum(np.abs(resonant.real), ALIKE * np.abs(resonant))
     near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
     low, high = log(0.1 * float(rates.min())), log(10.0 * top)
     spread = np.exp(low + (high - low) * _SPREAD)
-    real = -poles.real[(poles.imag == 0.0) & (size > _SLOWEST * top)]
+    real = -poles.real[(poles.imag == 0.0) & (size > ROOT * top)]
     result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
     result.sort()
     return result[np.append(True, result[1:] > result[:-1])]

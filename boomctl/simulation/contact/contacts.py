@@ -7,12 +7,12 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known, positive
+from boomctl.lti.rounding import ROOT
 from boomctl.simulation.contact.friction import CoulombFriction
 from boomctl.simulation.plant import ModalPlant, Step
 
 StrokeLimit = float | Mapping[str, "float | tuple[float, str]"] | None
 
-_NOTHING = 1e-7  # Feedthrough, relative to the summed terms, below which it is a rounding error.
 _COARSE = 0.5  # Least velocity at the end of a step by a force, over the one without stiffness, to resolve friction.
 _MOST_STOPS = 6  # The cases of touched stops grow as 5 to their number: 15,625 with six.
 
@@ -105,7 +105,7 @@ def contact_at(
     velocity = row @ plant.A
     through = np.vstack([plant.D[o], row @ plant.B])
     sizes = np.vstack([np.abs(plant.D[o]), np.abs(row) @ np.abs(plant.B)])
-    through[np.abs(through) <= _NOTHING * sizes] = 0.0
+    through[np.abs(through) <= ROOT * sizes] = 0.0
     gain, at_once = float(velocity @ maps.held[:, i]), float(velocity @ column)
     if not through[:, i].any() and at_once > 0.0 and gain <= least * at_once * maps.h:
         raise ValueError(

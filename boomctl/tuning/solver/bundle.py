@@ -13,13 +13,12 @@ from scipy.linalg import lapack
 from scipy.optimize import nnls
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import SUMMED, TINY
 from boomctl.tuning.point import PEAK_RTOL, ActiveFunction, Height, Point
 from boomctl.tuning.problem import GAIN_LIMIT
 from boomctl.tuning.responses import WINDOW, same_frequency
 from boomctl.tuning.solver.descent import Ended
 
-_MOST = 80  # active functions at most, the highest ones
 _BETWEEN = 0.03  # relative window below the highest within which grid frequencies are active functions
 _TRIALS = 14  # trials of a step; each adds an active function or shortens the step
 _CORRECTIONS = 2  # second-order corrections of a step at most
@@ -41,9 +40,7 @@ _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usua
 # regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
 _CURVED = 1e-2
 _ENOUGH = 1e-11  # gradient residual, relative to the costs, at which a quadratic program ends
-_NO_ROW = 1e-12  # fraction of the longest row below which a row is treated as zero and not normalized
 _SEPARATION = 1e-3  # relative distance of other singular values to include; nearer ones are separate active functions
-_SHARP = 1e-12  # relative curvature over frequency above which the motion of the peak frequency is included
 
 
 class Polish:
@@ -75,7 +72,7 @@ class Polish:
         history = [value]
         for k in range(steps):
             requested: set[tuple[int, int, float]] = set()
-            functions = _chosen(self._point, requested)
+            functions = self._point.active_functions(WINDOW, requested, _BETWEEN)
             if not functions:  # the norm is zero
                 return Ended(self._point.x, value, k, stationary=True)
             self._sizes = _sizes(functions, self._H)
@@ -94,7 +91,7 @@ class Polish:
                 more = _new_peaks(there, functions) - requested if isfinite(result) else set()
                 if more:
                     requested |= more
-                    functions = _chosen(self._point, requested)
+                    functions = self._point.active_functions(WINDOW, requested, _BETWEEN)
                 shorter = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
                 self._damping = min(max((2.0 if more else 6.0) * self._damping, shorter), _LARGEST)
             else:
@@ -205,7 +202,7 @@ def peak_hessian(point: Point, function: ActiveFunction) -> Array:
     if not moving:
         return whole
     bend = whole[k, k]
-    if bend >= -_SHARP / max(omega, 1.0) ** 2:
+    if bend >= -SUMMED / max(omega, 1.0) ** 2:
         return whole[:k, :k]
     return whole[:k, :k] - np.outer(whole[:k, k], whole[k, :k]) / bend
 
@@ -227,11 +224,6 @@ def _from_others(alpha: Array, beta: Array, U: Array, values: Array, Vh: Array) 
 def _squared(c: Array, weights: Array | float = 1.0) -> Array:
     """Return the real part of ``c diag(weights) c^H``."""
     return (c.real * weights) @ c.real.T + (c.imag * weights) @ c.imag.T
-
-
-def _chosen(point: Point, requested: "set[tuple[int, int, float]]") -> list[ActiveFunction]:
-    functions = sorted(point.active_functions(WINDOW, requested, between=_BETWEEN), key=lambda p: p.value, reverse=True)
-    return [p for p in functions if not p.limit][:_MOST] + [p for p in functions if p.limit][:_MOST]
 
 
 def _corrected_functions(functions: list[ActiveFunction], trial: Point, d: Array) -> list[ActiveFunction]:
@@ -307,7 +299,7 @@ def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
     """
     n, m = len(c), len(h)
     size = np.sqrt((G * G).sum(axis=1))
-    size = np.maximum(size, max(_NO_ROW * float(size.max(initial=0.0)), TINY))
+    size = np.maximum(size, max(SUMMED * float(size.max(initial=0.0)), TINY))
     G, h, y, z = G / size[:, None], h / size, np.zeros(n), np.zeros(m)
     lent = np.where(H.diagonal() == 0.0, _CURVED, 0.0)
     root, wrong = lapack.dpotrf(H + np.diag(lent), lower=1)

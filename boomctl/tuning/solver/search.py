@@ -8,7 +8,7 @@ import numpy as np
 
 from boomctl.analysis.norm import level_norm
 from boomctl.arrays import Array
-from boomctl.lti.rounding import LEVEL
+from boomctl.lti.rounding import ALIKE, LEVEL, ROOT
 from boomctl.lti.system import Lti
 from boomctl.progress import Deadline, OutOfTimeError, tell
 from boomctl.tuning.initial import QUIET
@@ -26,13 +26,11 @@ _BEGINNING = 0.5  # fraction of the time limit for first rounds of all starts
 _LOWER = 0.5  # fraction of the time limit for the next lower order, whose optimum is a start
 _HOPE = 4.0  # rounds with the last decrease within which a local search must be able to reach the best value
 _ROUNDS = 6  # rounds of descent and polish at most
-_GAIN = 1e-6  # relative decrease of ten steps, or of a round, at convergence
 _MIN_DECREASE = 1e-11  # smallest relative predicted decrease of a step
 _WEIGHT = 10.0  # initial penalty weight of constraint violations; it grows until the constraints are satisfied
 _EDGE, _LAST_EDGE = 1e-2, 1e-8  # initial and final relative distance from the edge of stability
 _AT_EDGE = 2.0  # ratio to the required distance from the edge of stability up to which that constraint is active
 _NEARER = 0.1  # factor on the distance from the edge of stability for the next round
-_NEW_PEAK = 1e-7  # relative height above the known peaks that makes a peak a new one: a tenth of the certified accuracy
 
 
 @dataclass(frozen=True)
@@ -115,7 +113,7 @@ class Search:
             loop, rows, columns = point.loop(model), self.problem.rows[channel], self.problem.columns[channel]
             norm = level_norm(Lti(loop.A, loop.B[:, columns], loop.C[rows], loop.D[np.ix_(rows, columns)]))
             here = exp(value + self.problem.offset(channel))
-            if norm.lower_bound > here * (1.0 + _NEW_PEAK) and isfinite(norm.peak_omega):
+            if norm.lower_bound > here * (1.0 + ROOT) and isfinite(norm.peak_omega):
                 self.known[model, channel] = np.append(self.known.get((model, channel), np.zeros(0)), norm.peak_omega)
                 complete = False
         point = point if complete else point.with_parameters(point.x)
@@ -142,7 +140,7 @@ class Search:
         """
         order, half = f"order {self.problem.order}", _fraction_of(self.deadline, _BEGINNING)
         for k, (kind, x) in enumerate(initial):
-            if kind.startswith(_NEARBY) and self.value < reached - _GAIN:
+            if kind.startswith(_NEARBY) and self.value < reached - LEVEL:
                 continue
             tell(f"{order}, start", k + 1, len(initial))
             local = LocalSearch(kind, self.problem.clipped(x))
@@ -171,7 +169,7 @@ class Search:
             def merit(x: Array) -> tuple[float, Callable[[], Array]]:
                 return self.point(x, active_edge).merit(local.weight)
 
-            down = descend(merit, local.x, problem.low, problem.high, steps=_DESCENDING, gain=_GAIN)
+            down = descend(merit, local.x, problem.low, problem.high, steps=_DESCENDING, gain=LEVEL)
             local.x, local.steps = down.x, local.steps + down.steps
         polish = Polish(lambda x: self.point(x, active_edge), local.x, weight=local.weight, gain=_MIN_DECREASE)
         done = polish.run(_POLISHING)
@@ -183,7 +181,7 @@ class Search:
             return
         local.value = min(local.value, point.aim)
         local.gain = before - done.value if complete else inf
-        local.open = local.gain >= _GAIN
+        local.open = local.gain >= LEVEL
         if active_edge is not None and point.edge_distance < _AT_EDGE * active_edge:  # continue with a smaller distance
             local.edge, local.open = _NEARER * active_edge, True
         elif complete and done.stationary:
@@ -203,7 +201,7 @@ class Search:
             self.problem.low,
             self.problem.high,
             steps=_STABILIZING,
-            gain=1e-9,
+            gain=ALIKE,
             enough=enough,
         )
         end = self.point(result.x)
