@@ -36,47 +36,51 @@ def test_a_motion_written_is_the_motion_read(tmp_path_factory, moved, step, star
         assert (getattr(found, name) == getattr(motion, name)).all()
 
 
-def test_a_file_may_state_the_distance_of_the_actuators(tmp_path):
-    columns = "time_s,jolt_m,yaw_rad\n0,0,0.1\n1,0,0.2\n"
-    stated = written(tmp_path, "#actuator_distance_m=2.5\n" + columns)
-    assert bc.read_motion(stated).right == pytest.approx([0.125, 0.25])
+JOLT_YAW = "time_s,jolt_m,yaw_rad\n0,0,0.1\n1,0,0.2\n"
+
+
+@pytest.mark.parametrize(
+    ("comments", "expected"),
+    [
+        ("#actuator_distance_m=2.5", 2.5),
+        ("#   Actuator_Distance_M = 2.5e0", 2.5),
+        ("# distance of the actuators as in the drawing\n# distance 3", 1.78),
+        ("# from the shaker", 1.78),
+        *(
+            (f"# shaker\n# actuator_distance_m = {wrong}", None)
+            for wrong in ("0", "-1", "nan", "wide", "", "1_0", "2 m")
+        ),
+        ("# actuator_distance_m = 1\n# actuator_distance_m = 1", None),
+        *(
+            (f"# shaker\n# {other} 1780", None)
+            for other in (
+                "actuator distance_mm =",
+                "Distance of the actuator:",
+                "actuator-distance [m] =",
+                "actuatordistance",
+            )
+        ),
+    ],
+)
+def test_motion_file_actuator_distance(tmp_path, comments, expected):
+    path = written(tmp_path, f"{comments}\n{JOLT_YAW}")
+    if expected is None:
+        with pytest.raises(ValueError, match=r"line 2: expected one '# actuator_distance_m = \.\.\.', above zero, got"):
+            bc.read_motion(path)
+        return
+    motion = bc.read_motion(path)
+    assert motion.actuator_distance == expected
+    assert motion.right == pytest.approx([0.05 * expected, 0.1 * expected])
+
+
+def test_motion_file_distance_beside_argument(tmp_path):
+    stated, silent = (
+        written(tmp_path, f"# actuator_distance_m = 2.5\n{JOLT_YAW}"),
+        written(tmp_path, JOLT_YAW, "bare.csv"),
+    )
     with pytest.raises(ValueError, match=r"actuator_distance = 2: expected 2\.5 m, as line 1 of .*motion\.csv says"):
         bc.read_motion(stated, 2.0)
-    silent = written(tmp_path, columns)
-    assert bc.read_motion(silent).actuator_distance == bc.BoomParameters().actuator_distance
     assert bc.read_motion(silent, 2.0).actuator_distance == 2.0
-    for wrong in ("0", "-1", "nan", "wide", "", "1_0", "2 m"):
-        with pytest.raises(
-            ValueError, match=r"motion\.csv, line 1: expected one '# actuator_distance_m = \.\.\.', above zero, got"
-        ):
-            bc.read_motion(written(tmp_path, f"# actuator_distance_m = {wrong}\n{columns}"))
-    twice = written(tmp_path, "# actuator_distance_m = 1\n" * 2 + columns)
-    with pytest.raises(ValueError, match=r"line 2: expected one '# actuator_distance_m = \.\.\.'"):
-        bc.read_motion(twice)
-
-
-_COLUMNS = "time_s,jolt_m,yaw_rad\n0,0,0.1\n1,0,0.2\n"
-
-
-@given(st.data(), st.floats(0.1, 9.0))
-@examples(200)
-def test_motion_file_actuator_distance(tmp_path_factory, data, distance):
-    path = tmp_path_factory.mktemp("motion") / "motion.csv"
-    letters = data.draw(st.lists(st.booleans(), min_size=19, max_size=19))
-    name = "".join(c.upper() if up else c for c, up in zip("actuator_distance_m", letters, strict=True))
-    path.write_text(f"#{' ' * data.draw(st.integers(0, 3))}{name} = {distance!r}\n{_COLUMNS}")
-    assert bc.read_motion(path).actuator_distance == distance
-    words = data.draw(st.permutations([name[:8], name[9:17]]))
-    other = data.draw(st.sampled_from(["_", " ", "-", "", " of the "])).join(words) + data.draw(
-        st.sampled_from(["_mm =", "_m:", " [m] =", ":", " = ", "_cm=", " "])
-    )
-    path.write_text(f"# shaker\n# {other} {1000.0 * distance!r}\n{_COLUMNS}")
-    with pytest.raises(
-        ValueError, match=r"motion\.csv, line 2: expected one '# actuator_distance_m = \.\.\.', above zero, got"
-    ):
-        bc.read_motion(path)
-    path.write_text(f"# distance of the actuators as in the drawing\n# distance {distance!r}\n{_COLUMNS}")
-    assert bc.read_motion(path).actuator_distance == bc.BoomParameters().actuator_distance
 
 
 def test_jolt_and_yaw_are_left_and_right(tmp_path):

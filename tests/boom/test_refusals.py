@@ -53,6 +53,8 @@ chosen(parameters=STILL, max_frequency_hz=2.0) -> below the undamped resonance a
 boom_family(spring_factor=(1.2, 0.8)) -> range of spring.*ascending
 boom_family(mass_factor=(-0.5, 1.2)) -> mass_factor = -0.5: expected a number greater than zero
 boom_family(mass_factor=(0.8, 1.0, 1.2)) -> range of mass
+boom_family(subsystem="pitch") -> unknown subsystem 'pitch'
+yaw_family(replace(P, hinge_damping=700.0), subsystem="yaw") -> frequency_hz
 # tracks
 road("I") -> unknown road_class 'I'
 road(8) -> road_class = 8: expected a whole number of at most 7

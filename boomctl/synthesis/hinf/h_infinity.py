@@ -1,4 +1,8 @@
-"""H-infinity controllers with a verified closed loop and a lower bound for all controllers."""
+"""H-infinity controllers with a verified closed loop and a lower bound for all controllers.
+
+From call to certificate: `h_infinity`, `partition`, `checked`, `lowest_level`, `level_of`, `suboptimal_controller`,
+`verified_candidate`, `matrices_norm`, `Bounds.below`, `DesignCertificate`.
+"""
 
 from bisect import bisect_left
 from collections.abc import Iterator

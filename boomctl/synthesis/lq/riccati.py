@@ -31,7 +31,6 @@ _LEAST_COUPLING = 1e-24  # Of a mode, relative to the largest one, so that scale
 _MAX_STEPS = 40
 _NEAR = 0.5  # Cost error below which Newton's method converges quadratically.
 _SOLVED = 1e-8  # Newton's method ends at this fraction of the largest errors of a certificate.
-_ACCEPTED = 1e-2  # No other solver is used below this fraction of the largest errors of a certificate.
 MAX_RESIDUAL = 1e-6  # Of a certified solution, relative to the terms of the equation.
 MAX_COST_ERROR = 1e-4  # Of a certified solution, relative to the cost.
 _MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
@@ -146,7 +145,7 @@ Start = tuple[str, Array | None, Newton | None]
 
 
 def solution_of(problem: RiccatiProblem, what: str = "Riccati equation") -> RiccatiSolution:
-    """Return the first solution far below the largest errors, otherwise the most accurate one.
+    """Return the first solution that is accurate enough.
 
     Raises
     ------
@@ -159,7 +158,7 @@ def solution_of(problem: RiccatiProblem, what: str = "Riccati equation") -> Ricc
         if X is None or newton is None:
             continue
         results.append(_refined(problem, X, newton))
-        if results[-1].relative_error <= _ACCEPTED:
+        if results[-1].relative_error <= 1.0:
             break
     best = min(results, key=lambda result: result.relative_error, default=None)
     if best is None or best.relative_error == np.inf:
