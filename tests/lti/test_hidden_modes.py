@@ -56,3 +56,15 @@ def test_copies_of_a_mode_need_as_many_inputs(seed):
     turn = np.linalg.qr(rng.standard_normal(A.shape))[0]
     hidden = unmoved(turn @ A @ turn.T, rng.standard_normal((len(A), inputs)), [f"x{i}" for i in range(len(A))])
     assert len(hidden) == max(copies - inputs, 0)
+
+
+@examples(40)
+@given(seed=seeds)
+def test_integrators_in_series_are_controllable_from_the_last(seed):
+    """Rounding takes their pole apart, and its pieces have directions of their own: they are coupled, not hidden."""
+    rng = np.random.default_rng(seed)
+    A = block_diag(np.eye(3, k=1), np.diag([-1.0, -3.0]))
+    T = np.linalg.qr(rng.standard_normal((5, 5)))[0] * 10.0 ** rng.uniform(-2.0, 2.0, 5)
+    T = T @ np.linalg.qr(rng.standard_normal((5, 5)))[0]
+    B = T @ [[0.0], [0.0], [1.0], [1.0], [1.0]]
+    assert not unmoved(T @ A @ np.linalg.inv(T), B, [f"x{i}" for i in range(5)])
