@@ -120,7 +120,7 @@ class SelectedSystem:
     def resonances(self, high: float | None = None) -> Resonances:
         """Return the lowest resonances, or those up to ``high`` [rad/s], with their frequency range."""
         split = self._split
-        return Resonances.of_system(self.chosen, high) if split is None else split.resonances(high)
+        return Resonances.of(self.chosen.rates, high, self.nyquist) if split is None else split.resonances(high)
 
     @cached_property
     @one_blas_thread

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from operator import itemgetter
 from typing import TypeVar
 
@@ -14,7 +15,7 @@ from scipy.linalg import lapack
 from boomctl.arrays import Array, squared
 from boomctl.lti.modal import UNDAMPED, ModalSystem
 from boomctl.lti.rounding import CERTIFIED, EPS, ROOT, SOLVED
-from boomctl.lti.system import SLOWEST, Lti
+from boomctl.lti.system import SLOWEST
 
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
 Value = TypeVar("Value", float, Array)  # one frequency or height, or many
@@ -309,22 +310,20 @@ class Resonances:
     high: float
 
     @classmethod
-    def of(cls, poles: Array, high: float | None = None) -> Resonances:
-        """Return the lowest resonances among all poles of a system, or those up to ``high``, and a band that shows them."""
-        size = np.sort(np.abs(poles[np.abs(poles) > _RESTING * np.abs(poles).max(initial=0.0)]))
+    def of(cls, rates: Array, high: float | None = None, nyquist: float = inf) -> Resonances:
+        """Return the lowest resonances among all poles of a system, or those up to ``high``, and a band that shows them.
+
+        In discrete time, of poles as rates, in a band up to half the sampling rate.
+        """
+        rates = rates[np.isfinite(rates)]
+        size = np.sort(np.abs(rates[np.abs(rates) > _RESTING * np.abs(rates).max(initial=0.0)]))
         low, top = (BELOW * size[0], ABOVE * size[min(len(size), 2 * MODES) - 1]) if len(size) else EMPTY
         top = top if high is None else high
-        return cls(poles[(poles.imag >= 0.0) & (np.abs(poles) <= top)], float(low), float(top))
-
-    @classmethod
-    def of_system(cls, system: Lti, high: float | None = None) -> Resonances:
-        """Return those of a system; in discrete time, of the rates of its poles, in a band up to half the sampling rate."""
-        if system.dt == 0.0:
-            return cls.of(system.poles, high)
-        rates, top = system.rates, system.nyquist
-        result = cls.of(rates[np.isfinite(rates)], high)
-        end = min(result.high, top) if len(result.poles) else top
-        return cls(result.poles[result.poles.imag <= end], min(result.low, _LOWEST_SHOWN * end), end)
+        poles = rates[(rates.imag >= 0.0) & (np.abs(rates) <= top)]
+        if nyquist < inf:
+            top = min(top, nyquist) if len(poles) else nyquist
+            low = min(low, _LOWEST_SHOWN * top)
+        return cls(poles[poles.imag <= top], float(low), float(top))
 
     def curve(self, also: ArrayLike = ()) -> Array:
         """Return frequencies through which a curve shows the poles in the band, and others wherever they lie."""

@@ -13,6 +13,7 @@ from boomctl.lti.frequency import (
     largest_gain,
     resonance_grid,
     singular_values,
+    smooth_curve,
 )
 from boomctl.lti.modal import partial_fractions
 from boomctl.lti.system import Lti
@@ -56,6 +57,18 @@ def test_peak_matches_closed_form_on_any_grid(decade, scale, offset):
     peak, at = highest_peak(value, grid)
     assert peak == pytest.approx(1.0 / (2.0 * zeta * np.sqrt(1.0 - zeta**2)), rel=1e-12)
     assert at == pytest.approx(w0 * np.sqrt(1.0 - 2.0 * zeta**2), abs=1e-5 * zeta * w0 + 1e-15 * w0 / zeta)
+
+
+@pytest.mark.parametrize("zeta", [1e-4, 0.03, 0.7])
+def test_curve_through_resonance_is_smooth(zeta):
+    def respond(omega):
+        return 1.0 / (1.0 - omega**2 + 2j * zeta * omega)
+
+    grid = resonance_grid(np.array([-zeta + 1j]), 0.1, 10.0)
+    omega, curve = smooth_curve(respond, grid)
+    np.testing.assert_array_equal(curve, respond(omega))
+    assert np.isin(grid, omega).all()
+    assert (np.abs(np.diff(curve)) <= 0.05 * (1.0 + np.minimum(np.abs(curve[1:]), np.abs(curve[:-1])))).all()
 
 
 @given(st.integers(2, 9), st.floats(-12.0, 0.0))
