@@ -8,14 +8,13 @@ from scipy import special
 
 from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
-from boomctl.identification.identifiability import IdentifiedSubspace
+from boomctl.identification.identifiability import STEP, IdentifiedSubspace
+from boomctl.lti.rounding import ROOT
 from boomctl.printing import count, sentence
 
 _STEP = 0.1  # standard errors between the values of the sum of squares that are compared
-_MIN_STEP = 1e-5  # coordinate step, at least: the sum of squares then changes by more than its rounding error
 _MAX_STEP = 1.0  # Largest step of a coordinate (a factor of e), along weakly identifiable combinations.
 _MAX_OFFSET = 0.05  # standard errors from the minimum of the parabola: intervals change by less than 1 %
-_EXACT = 1e-7  # coordinate distance to the minimum that counts as none, for data with almost no errors
 _MAX_DECREASE = 1e-6  # relative decrease of the sum of squares that is rounding error
 _UNIDENTIFIABLE_STEP = 0.01  # coordinate step along combinations that are not identifiable
 _SIGNIFICANCE = 0.01  # p-value below which residuals are larger than the errors
@@ -149,7 +148,7 @@ def minimum(
     here, offset, rises = cost(x), 0.0, True
     for k, direction in enumerate(identified.directions):
         value = identified.values[k]
-        step = min(max(_STEP * size / value, _MIN_STEP), _MAX_STEP) if value > 0.0 else _UNIDENTIFIABLE_STEP
+        step = min(max(_STEP * size / value, STEP), _MAX_STEP) if value > 0.0 else _UNIDENTIFIABLE_STEP
         before, after = cost(x - step * direction), cost(x + step * direction)
         if value == 0.0:
             rises &= min(before, after) >= here * (1.0 - _MAX_DECREASE)
@@ -159,6 +158,6 @@ def minimum(
             rises = False
             continue
         away = 0.5 * abs(after - before) / curvature * step  # of a coordinate
-        if away > _EXACT:
+        if away > ROOT:
             offset = max(offset, away * value / size)
     return offset, rises and offset < _MAX_OFFSET

@@ -38,7 +38,6 @@ _SMOOTH = 31  # Lines over which the powers of inputs are averaged to determine 
 _LOWEST = tuple(EXCITED * 10.0**-k for k in range(5))  # least power of an input in the band over its largest, in turn
 _TOGETHER = 1e-4  # Least eigenvalue of the inputs' correlation; below it the inputs are dependent.
 _TOP = 0.98  # Highest frequency over half the sampling rate: above it, filters and aliasing dominate.
-_EXPLAINED = 50.0  # Residual [% of the outputs] below which the inputs explain the outputs, though without modes.
 _FOLDED, _LARGE = 0.95, 0.2  # Aliased poles: least frequency over half the sampling rate, least fraction of the energy.
 _HIGHEST = 60  # Default order: about three times the expected number of modes.
 _PARTS = 4  # Parts of a record that give prediction intervals.
@@ -602,7 +601,7 @@ def _modes_first(fit: CommonPoles, trial: _Trial, wanted: int | None) -> tuple[C
     if not number or (wanted or 0) > number:
         noise = 100.0 * np.mean(fit.deviation * np.sqrt(2.0) / rms(fit.data.Y))
         bare = not number and not fit.integrators and not len(fit.poles)
-        turned = "; are inputs and outputs interchanged?" if noise < _EXPLAINED and bare else ""
+        turned = "; are inputs and outputs interchanged?" if noise < 100.0 - _POOR and bare else ""
         remedy = "" if turned else "; a longer record, more excitation or another frequency range may help"
         raise ValueError(
             f"outputs: expected {count(wanted or 1, 'mode')} from {low:.4g} to {high:.4g} Hz, got evidence of {number}:"

@@ -37,8 +37,7 @@ _LEFT_OUT = 1e3  # relative spread with which values that are left out are paire
 _MIN_WEIGHT = 1e-50  # Squares of residuals divided by it do not overflow.
 _MIN_RELATIVE_STD = 1e-3  # Floor on standard deviations, relative to their median.
 _MAX_RELATIVE_STD = 0.2  # Of a value with relative errors: of less sure ones the logarithm is not normal, and biased.
-_GROWING = 0.6  # rank correlation of residuals with fitted values: least of errors that are relative
-_SURE = 3.0  # deviations of a rank correlation, by which it exceeds chance
+_GROWING, _SURE = 0.6, 3.0  # rank correlation of residuals with fitted values, of relative errors: least, deviations
 _AROUND = 9  # Neighboring frequencies, whose median says whether a value is sure: single estimated deviations scatter.
 
 

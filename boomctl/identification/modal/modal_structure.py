@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SOLVED
 from boomctl.structure.matrices import Structure
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.ports import Ports
 
-_ROUNDING = 1e-13  # Relative magnitude below which a direction or a singular value is rounding error.
 _COMPANION = 2.0  # Rate of the second pole of a single real pole, in rates of that pole.
 
 Dyad = tuple[int, float, Array, Array]
@@ -116,7 +116,7 @@ def _of_pair(name: str, pole: complex, b: Array, c: Array) -> list[_Coordinate]:
     b, c = b * turn, c / turn
     result = []
     for force, row in ((b.real, c), (b.imag, 1j * c)):
-        if np.linalg.norm(force) > _ROUNDING * np.linalg.norm(b):
+        if np.linalg.norm(force) > SOLVED * np.linalg.norm(b):
             rows = np.array([-2.0 * (row * np.conj(pole)).real, 2.0 * row.real])
             label = name if not result else f"{name}.{len(result) + 1}"
             result.append(_Coordinate(label, abs(pole) ** 2, -2.0 * pole.real, force, rows))
@@ -137,7 +137,7 @@ def _of_real_poles(poles: Array, residues: Array, double: Array | None, typical:
                 rest[i] = rest[i] - np.outer(force, force @ rest[i])
             result.append(_Coordinate(f"rigid_body_{number}", 0.0, 0.0, force, np.array([row, speed])))
         for i in integrators:
-            rest[i] *= np.abs(rest[i]) > _ROUNDING * np.linalg.norm(residues[i])
+            rest[i] *= np.abs(rest[i]) > SOLVED * np.linalg.norm(residues[i])
     for i in np.argsort(-poles, kind="stable"):
         dyads += [(int(i) + 1, -float(poles[i]), *dyad) for dyad in _dyads(rest[i])]
     while dyads:
@@ -163,16 +163,14 @@ def _dyads(residue: Array) -> list[tuple[Array, Array]]:
     """Return directions of inputs, of length one, and rows of outputs whose products add up to a residue (m, p)."""
     U, sizes, rows = np.linalg.svd(residue, full_matrices=False)
     return [
-        (u, size * row)
-        for u, size, row in zip(U.T, sizes, rows, strict=True)
-        if size > _ROUNDING * sizes.max(initial=0.0)
+        (u, size * row) for u, size, row in zip(U.T, sizes, rows, strict=True) if size > SOLVED * sizes.max(initial=0.0)
     ]
 
 
 def _parallel(first: Dyad, second: Dyad) -> bool:
     """Return whether two real poles differ and have one direction of the inputs up to rounding."""
     along = first[2] @ second[2]
-    return first[1] != second[1] and bool(np.linalg.norm(second[2] - along * first[2]) <= _ROUNDING)
+    return first[1] != second[1] and bool(np.linalg.norm(second[2] - along * first[2]) <= SOLVED)
 
 
 def _numbered(coordinates: list[_Coordinate]) -> list[_Coordinate]:

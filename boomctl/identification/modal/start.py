@@ -8,9 +8,9 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.modal.spectra import Spectra, rms
+from boomctl.lti.rounding import SUMMED
 
 _CIRCLE = 0.95  # Fraction of the unit circle that the band occupies; its ends remain separate.
-_RIDGE = 1e-12  # of the largest entry, added to the products of columns: rounding
 _NEAR = 0.1  # Largest change of a pole between orders over its frequency.
 _OWN = 0.5  # of its decay rate, or of the resolution of the record, that it may move as well
 
@@ -62,7 +62,7 @@ def poles_by_order(data: Spectra, orders: tuple[int, ...]) -> dict[int, Array]:
     blocks = products[index]  # row power, column power, regressor, column
     R = blocks[..., :r].transpose(0, 2, 1, 3).reshape((top + 1) * r, -1)
     S = blocks[..., r:].transpose(0, 2, 3, 1).reshape((top + 1) * r, -1)
-    factor = np.linalg.cholesky(R + _RIDGE * np.abs(R).max() * np.eye(len(R)))
+    factor = np.linalg.cholesky(R + SUMMED * np.abs(R).max() * np.eye(len(R)))
     explained = linalg.solve_triangular(factor, S, lower=True, check_finite=False).reshape(len(R), p, top + 1)
     result = {}
     for order in orders:
