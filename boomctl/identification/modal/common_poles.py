@@ -235,9 +235,6 @@ class CommonPoles:
         """Return the same at other poles: steps of logarithms of rates and of frequencies in rates, (k, 2)."""
         rate = -self.poles.real
         frequency = np.abs(self.poles.imag + rate * step[:, 1])
-        if self.data.held:  # a mode above half the sampling rate has the response of its mirror image below
-            half = np.pi / self.data.step
-            frequency = np.abs((frequency + half) % (2.0 * half) - half)
         decay = np.maximum(rate * np.exp(step[:, 0]), _LEAST_DECAY * frequency)
         there = replace(self, poles=-decay + 1j * frequency)
         vars(there).update(_rest=self._rest)
