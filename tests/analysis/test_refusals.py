@@ -36,8 +36,8 @@ def double_integrator(C, **names):
     return control.ss([[0.0, 1.0], [0.0, 0.0]], [[0.0], [1.0]], C, 0.0, **names)
 
 
-def unmodelled(bound):
-    return bc.robust_stability(family(), gain([[-0.2]]), additive_uncertainty=bound)
+def unmodelled(bound, controller=None):
+    return bc.robust_stability(family(), controller or gain([[-0.2]]), additive_uncertainty=bound)
 
 
 def yaw_family(**given):
@@ -101,6 +101,9 @@ sampled_data_norm(PLANT, K, "y") -> unknown disturbance
 sample_plant(PLANT, 1e-3, delay=2.0) -> at most 1000 samples
 unmodelled(siso(outputs="x")) -> unknown output of additive_uncertainty \(the controller has it\) 'y'
 unmodelled(siso(1.0)) -> `additive_uncertainty` must be stable, got a pole
+unmodelled(gain(0.01, "u", "y"), K) -> must fall with frequency from u to y, got 0\.01
+unmodelled(siso(), bc.gain_schedule([gain(-0.1), gain(-0.2)], [0.9, 1.1], "k"))
+    -> `additive_uncertainty` must be None for a controller that follows a parameter
 unmodelled(DISCRETE) -> additive_uncertainty: expected continuous time
 bc.with_state_outputs(yaw_family(accelerometer_bandwidth_hz=20.0)) -> filter behind 'tip_acc
 bc.with_state_outputs(yaw_family(excitation="velocity")) -> got an input that is integrated

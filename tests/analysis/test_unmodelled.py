@@ -214,16 +214,3 @@ def test_uncertainty_invariant_to_units():
     assert bc.robust_stability(family(0.3, 1024.0), K2, additive_uncertainty=W2).small_gain == pytest.approx(
         0.95, rel=1e-2
     )
-
-
-@pytest.mark.slow
-def test_uncertainty_of_schedules_and_wide_bands_raises():
-    flat = named(control.ss([], [], [], 0.01))
-    assert bc.robust_stability(family(), damper(), additive_uncertainty=flat).proved
-    with pytest.raises(ValueError, match=r"must fall with frequency from u to y, got 0\.01"):
-        bc.robust_stability(family(), bc.discretize(damper(), 0.1), additive_uncertainty=flat)
-    follows = bc.gain_schedule([damper(0.5), damper(0.6)], [0.8, 1.2], "stiffness")
-    with pytest.raises(
-        ValueError, match="`additive_uncertainty` must be None for a controller that follows a parameter"
-    ):
-        bc.robust_stability(family(), follows, additive_uncertainty=flat)

@@ -23,7 +23,6 @@ from scipy.sparse.csgraph import connected_components
 from boomctl.analysis.box.polynomials import ROUNDING, Cell, expansion, monomials
 from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
 from boomctl.arrays import Array, balance
-from boomctl.chebyshev import FEW_PARAMETERS
 
 if TYPE_CHECKING:
     from boomctl.analysis.box.level import LoopPart
@@ -32,23 +31,14 @@ _Terms = dict[tuple[int, ...], Array]
 """Series: coefficients by products of variables, in all cells."""
 
 
-def _hull(count: int) -> Array:
-    """Return the vertices of a polygon around ``(v, v^2)``, ``-1 <= v <= 1``: intersections of equally spaced tangents."""
-    ends = np.linspace(-1.0, 1.0, count)
-    meet = 0.5 * (ends[1:] + ends[:-1])
-    return np.array([(-1.0, 1.0), *zip(meet, ends[1:] * ends[:-1], strict=True), (1.0, 1.0)])
-
-
 _PARALLEL = 0.9  # Cosine of two eigenvectors above which they are orthogonalized: their inverse would be large.
 _LEVEL = 1.0 - 1e-9  # Fraction of a level that a gain may reach: the difference exceeds the rounding error of the gain.
 _SWEEPS = 5  # Power iterations for the vector ``d``: it need not be exact, any positive vector yields a bound.
 _FAR = 0.6  # Bound of ``Z`` above which it, not the terms of second order, determines where to cut.
 _ORDER = 2  # Largest order of a product whose matrix is stored with phases; longer products count by their magnitudes.
 _FIRST = 0.5  # First frequency of the chain after zero, relative to the slowest pole.
-# Variables of a larger box whose vertices are combined: memory grows with three to the power of this number.
-_CORNERS = 6
-_HULLS = (_hull(5), _hull(3), _hull(2))  # Polygons of the frequency, of few parameters, of many: vertices multiply.
-_FEW = 4  # Largest number of variables, the frequency included, that counts as few: 6 * 4 * 4 * 4 vertices.
+_HULL = np.array([(-1.0, 1.0), (0.0, -1.0), (1.0, 1.0)])  # Vertices of a triangle around (v, v^2), -1 <= v <= 1.
+_CORNERS = 7  # Largest number of variables whose triangles are combined: memory grows with three to its power.
 _BATCH = 2**18  # Entries of the matrices in one batch, which fit into the cache.
 
 
@@ -278,14 +268,12 @@ class _Series:
                 for i in p:
                     second[:, i] += 0.5 * part
         at = G0[:, None]
-        corners = FEW_PARAMETERS if size <= FEW_PARAMETERS + 1 else _CORNERS
         for i in range(size):
-            if i > corners:  # Vertices multiply: the other variables count by magnitudes.
+            if i >= _CORNERS:  # the others count by magnitudes
                 total = total + _size(G[i,]) + _size(G[i, i])
                 continue
-            hull = _HULLS[0 if i == 0 else 1 if size <= _FEW else 2]
             pair = np.stack([G[i,], G[i, i]], axis=1)
-            at = at[:, :, None] + np.tensordot(pair, hull, (1, 1)).transpose(0, 3, 1, 2)[:, None]
+            at = at[:, :, None] + np.tensordot(pair, _HULL, (1, 1)).transpose(0, 3, 1, 2)[:, None]
             at = at.reshape(len(G0), -1, *G0.shape[1:])
         return _largest(G0), _largest(at).max(axis=1) + total, second, rest
 
@@ -320,9 +308,7 @@ def _orthogonalise(V: Array) -> None:
     """Make groups of nearly parallel columns orthogonal, in place."""
     count, group = connected_components(np.abs(V.conj().T @ V) > _PARALLEL, directed=False)
     for k in range(count):
-        own = np.flatnonzero(group == k)
-        if len(own) > 1:
-            V[:, own] = np.linalg.qr(V[:, own])[0]
+        V[:, group == k] = np.linalg.qr(V[:, group == k])[0]
 
 
 def _solution(driving: _Terms, Z: _Terms, size: int) -> _Terms:
