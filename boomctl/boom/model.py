@@ -122,7 +122,13 @@ def boom_discretization(
     if isinstance(elements, (int, np.integer)):
         stations = elements if discretization == "finite" else _attached_nodes(p, elements)
     else:
-        stations = tuple(_node_positions(p, elements) + p.length / 2)
+        x, half = _positions("elements", elements, 2), p.length / 2
+        if max(abs(x[0] + half), abs(x[-1] - half)) > 1e-9 * half:
+            raise ValueError(
+                f"`elements` must be node positions from tip to tip, {exactly(-half)} to {exactly(half)} m, got"
+                f" {exactly(x[0])} to {exactly(x[-1])} m."
+            )
+        stations = tuple(x + half)
     if discretization == "finite":
         return FiniteElements(stations)
     if discretization == "high-order":
@@ -136,17 +142,6 @@ def _positions(name: str, values: Sequence[float] | Array, least: int) -> Array:
     if len(x) < least or not (np.diff(x) > 0.0).all():
         raise ValueError(
             f"`{name}` must have at least {least} positions along the boom, ascending, got {shown(x.tolist())}."
-        )
-    return x
-
-
-def _node_positions(p: BoomParameters, elements: Sequence[float] | Array) -> Array:
-    """Return node positions from tip to tip."""
-    x, half = _positions("elements", elements, 2), p.length / 2
-    if abs(x[0] + half) > 1e-9 * half or abs(x[-1] - half) > 1e-9 * half:
-        raise ValueError(
-            f"`elements` must be node positions from tip to tip, {exactly(-half)} to {exactly(half)} m, got"
-            f" {exactly(x[0])} to {exactly(x[-1])} m."
         )
     return x
 

@@ -47,15 +47,6 @@ def _disturbance_terms(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Ar
     return weight, plant.B1 - plant.B2 @ plant.D11[free:], D.T @ plant.C1[:free]
 
 
-def _riccati_equation(plant: GeneralizedPlant, gamma: float) -> tuple[Array, Array, Array]:
-    """Return ``F, G, Q`` of the state-feedback equation ``F'X + X F - X G X + Q = 0``; an infinite level gives that of H2."""
-    free, B2 = plant.nz - plant.ncon, plant.B2
-    C, C12 = plant.C1[:free], plant.C1[free:]
-    weight, entry, through = _disturbance_terms(plant, gamma)
-    weighted = weight @ through
-    return plant.A - B2 @ C12 + entry @ weighted, B2 @ B2.T - entry @ weight @ entry.T, C.T @ C + through.T @ weighted
-
-
 def _gain(plant: GeneralizedPlant, gamma: float, X: Array) -> Array:
     """Return the gain of the worst disturbance and the best control over the states, in this order."""
     free = plant.nz - plant.ncon
@@ -90,11 +81,15 @@ class Level:
 
 
 def level_of(ready: NormalizedPlant, gamma: float) -> Level:
-    """Solve the two Riccati equations at a level; ``inf`` gives those of H2."""
+    """Solve ``F'X + X F - X G X + Q = 0`` of state feedback and of the filter at a level; ``inf`` gives those of H2."""
     solutions = []
     for plant, name, case in ((ready, "X", "state-feedback"), (ready.dual, "Y", "filter")):
-        F, G, Q = _riccati_equation(plant, gamma)
-        solution = schur_solution(F, G, Q)
+        free, B2 = plant.nz - plant.ncon, plant.B2
+        C, C12 = plant.C1[:free], plant.C1[free:]
+        weight, entry, through = _disturbance_terms(plant, gamma)
+        weighted = weight @ through
+        F, G = plant.A - B2 @ C12 + entry @ weighted, B2 @ B2.T - entry @ weight @ entry.T
+        solution = schur_solution(F, G, C.T @ C + through.T @ weighted)
         if solution is None:
             return Level(gamma, f"the {case} Riccati equation has no stabilizing solution {name}")
         solution = even(solution)

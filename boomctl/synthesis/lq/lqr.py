@@ -148,8 +148,10 @@ def lqr(
     integrated = names("integral_action", listed, plant.output_labels)
     integrals = integral_action if isinstance(integral_action, Mapping) else dict.fromkeys(integrated, 1.0)
     problem = regulator_problem(plant, driven, Q, R, output_weight, N=N)
-    bank, G = _integrators(integrated, plant.dt), plant.select(driven, integrated)
-    n, k, m = len(plant.A), len(integrated), len(driven)
+    G, n, k, m = plant.select(driven, integrated), len(plant.A), len(integrated), len(driven)
+    pole, gain = (1.0, plant.dt) if plant.dt else (0.0, 1.0)  # in discrete time sums of the outputs times ``dt``
+    one, sums = np.eye(k), tuple(f"integral.{name}" for name in integrated)
+    bank = Lti(pole * one, gain * one, one, 0.0 * one, integrated, (), sums, plant.dt)
     chain, C = series(plant.select(outputs=integrated), bank), np.hstack([plant.C, np.zeros((len(plant.C), k))])
     whole = replace(plant, A=chain.A, B=chain.B, C=C, state_labels=plant.state_labels + bank.state_labels)
     acting = whole.select(driven)
@@ -170,13 +172,6 @@ def lqr(
         uncontrollable_modes=unmoved(whole.A, acting.B, whole.state_labels, stable=True, dt=plant.dt),
         certificate=_certify(problem, solution),
     )
-
-
-def _integrators(outputs: tuple[str, ...], dt: float) -> Lti:
-    """Return the integrals of some outputs, ``integral.NAME``; in discrete time sums of the outputs times ``dt``."""
-    one, states = np.eye(len(outputs)), tuple(f"integral.{name}" for name in outputs)
-    pole, gain = (1.0, dt) if dt else (0.0, 1.0)
-    return Lti(pole * one, gain * one, one, 0.0 * one, outputs, (), states, dt)
 
 
 def regulator_problem(
