@@ -164,10 +164,7 @@ def forced_response(
         rows = disturbance_rows(inputs, system.input_labels, (), len(time))
         read = names("output", outputs, system.output_labels)
         indices = [system.output_labels.index(name) for name in read]
-        y, nearby = (
-            lifted_motion(modal.step(h).of_signals, modal.C, modal.D, rows)[0][indices]
-            for modal in map(ModalPlant.of, (system, _rounded(system)))
-        )
+        y, nearby = (_motion(ModalPlant.of(item), rows, h)[0][indices] for item in (system, _rounded(system)))
         if not np.isfinite(y).all():
             raise ValueError("plant: its outputs overflow before the last of timepts")
         size, change = np.abs(y).max(axis=1), np.abs(y - nearby).max(axis=1)
@@ -186,6 +183,12 @@ def forced_response(
     sizes = _sizes(total, sizes)
     estimate = float(np.max(errors / np.where(sizes > 0.0, sizes, 1.0)))
     return ForcedResponse(time, dict(zip(read, total, strict=True)), _as_arrays(inputs), estimate, modes, plant.units)
+
+
+def _motion(plant: ModalPlant, U: Array, h: float) -> tuple[Array, Array]:
+    """Return the outputs and the states of a plant at the times."""
+    step = plant.step(h)
+    return lifted_motion((step.Phi, step.first, step.last), plant.C, plant.D, U)
 
 
 def _rounded(system: Lti) -> Lti:
@@ -251,7 +254,7 @@ def _projected_response(
 ) -> tuple[Array, Array]:
     """Return the outputs of a structure projected onto ``V``, and a bound of the magnitude of each."""
     plant = ModalPlant.of(in_modes(model.structure, model.ports, frequencies, V))
-    y, states = lifted_motion(plant.step(h).of_signals, plant.C, plant.D, U)
+    y, states = _motion(plant, U, h)
     reach = np.linalg.norm(states, axis=1).max()
     return y, np.linalg.norm(plant.C, axis=1) * reach + np.abs(plant.D) @ np.abs(U).max(axis=1)
 

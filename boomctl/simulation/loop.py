@@ -367,13 +367,13 @@ def _sign_advice(p: LoopProblem, sampled: Array | None) -> str:
 
 def _machine_result(p: MachineLoop, rtol: float, atol: float) -> LoopResult:
     """Run a loop around a hub-beam and return its signals by name."""
-    from boomctl.simulation.machine.run import PATH, measured, run_to_tolerance
+    from boomctl.simulation.machine.run import measured, run_to_tolerance
 
     moving, log, error = run_to_tolerance(p, rtol, atol)
     states, controls = moving[:, :: p.grid.per_point], p.at_points(log)
     return replace(
         _loop_result(p, p.machine, log, measured(p, states, controls[0]), controls),
-        method=PATH,
+        method="exponential steps",
         error_estimate=error,
         states=(p.machine.to_state @ states).T,
     )

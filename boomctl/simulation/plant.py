@@ -39,11 +39,6 @@ class Step:
     last: Array
 
     @property
-    def of_signals(self) -> tuple[Array, Array, Array]:
-        """``Phi``, ``first`` and ``last``."""
-        return self.Phi, self.first, self.last
-
-    @property
     def held(self) -> Array:
         """Effect on the states of an input held over the full step."""
         return self.before + self.after

@@ -169,18 +169,15 @@ def _rows(what: str, values: Mapping[str, ArrayLike], kind: str, signals: Sequen
     rows = np.zeros((len(signals), points))
     for name, row in values.items():
         known(kind, name, signals)
-        rows[list(signals).index(name)] = _row(what, name, row, points)
+        said = f"{what} {name!r}"
+        row = plain_array(said, row)
+        if row.shape != (points,):
+            raise ValueError(f"{said} has shape {row.shape}; expected {(points,)}, a value for each time")
+        if row.dtype.kind == "f" and not np.isfinite(row).all():
+            gap = int(np.flatnonzero(~np.isfinite(row))[0])
+            raise ValueError(f"{said} has a gap: {row[gap]} at point {gap}; fill it before the simulation")
+        rows[list(signals).index(name)] = finite_array(said, row)
     return rows
-
-
-def _row(what: str, name: str, values: ArrayLike, points: int) -> Array:
-    row = plain_array(f"{what} {name!r}", values)
-    if row.shape != (points,):
-        raise ValueError(f"{what} {name!r} has shape {row.shape}; expected {(points,)}, a value for each time")
-    if row.dtype.kind == "f" and not np.isfinite(row).all():
-        gap = int(np.flatnonzero(~np.isfinite(row))[0])
-        raise ValueError(f"{what} {name!r} has a gap: {row[gap]} at point {gap}; fill it before the simulation")
-    return finite_array(f"{what} {name!r}", row)
 
 
 def per_signal(what: str, levels: Levels, signals: Sequence[str], zero: bool = False) -> Array:

@@ -235,8 +235,13 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
     return partition(P, nmeas, ncon)
 
 
-def build_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
-    """Return the plants, from systems or from functions of the physical parameters."""
+def build_plants(P: Any, nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
+    """Return the plants, from one or several systems or functions of the physical parameters."""
+    many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
+    if not many:
+        raise ValueError("P: expected at least one generalized plant")
+    if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
+        function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
 
     def maker(item: Any) -> Maker:
         if not physical or not callable(item) or hasattr(item, "ninputs"):
@@ -245,8 +250,10 @@ def build_plants(P: Sequence[Any], nmeas: int | None, ncon: int | None, physical
         make = function_of("P", item, "a mapping of physical parameters to a generalized plant")
         return lambda values: partitioned(make(values), nmeas, ncon)
 
-    labels = ("",) if len(P) == 1 else tuple(f"model {i + 1}" for i in range(len(P)))
-    return Plants(tuple(Model(label, maker(item), physical) for label, item in zip(labels, P, strict=True)), physical)
+    labels = ("",) if len(many) == 1 else tuple(f"model {i + 1}" for i in range(len(many)))
+    return Plants(
+        tuple(Model(label, maker(item), physical) for label, item in zip(labels, many, strict=True)), physical
+    )
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from boomctl.threads import one_blas_thread
 from boomctl.tunable.structures import ControllerForm, Physical, terms
 from boomctl.tuning.certificate import budget_ratio, channel_norm, loop_of, verified
 from boomctl.tuning.initial import initial_numbers
-from boomctl.tuning.plants import FamilyPlants, Plants, build_plants
+from boomctl.tuning.plants import FamilyPlants, build_plants
 from boomctl.tuning.problem import BOUNDS, DAMPING, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
 from boomctl.tuning.solver.search import Search, search
@@ -149,9 +149,8 @@ def tune(
     with computing("tuning", progress):
         tell("plants")
         over = None if family is None else _family(P, *counts, structure, family)
-        problem = Problem.of(
-            structure, _plants(P, *counts, structure) if over is None else over.plants(), listed, limits
-        )
+        plants = build_plants(P, *counts, structure.physicals()) if over is None else over.plants()
+        problem = Problem.of(structure, plants, listed, limits)
         _check(problem)
         initial = [] if initial_controller is None else [initial_numbers(problem, initial_controller)]
         result = _searched(problem, count, np.random.default_rng(number), initial, deadline)
@@ -206,16 +205,6 @@ def _family(
                 f" {low:g} to {high:g}"
             )
     return FamilyPlants(checked, make, nmeas, ncon, structure.physicals())
-
-
-def _plants(P: Any, nmeas: int | None, ncon: int | None, structure: ControllerForm) -> Plants:
-    many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
-    if not many:
-        raise ValueError("P: expected at least one generalized plant")
-    physical = structure.physicals()
-    if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
-        function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
-    return build_plants(many, nmeas, ncon, physical)
 
 
 def _check(problem: Problem) -> None:

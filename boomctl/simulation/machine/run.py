@@ -2,8 +2,7 @@
 
 A step of the grid is a sample of the controller (if one falls on it) and the machine's motion under the control before and
 after the switch.  The motions with two step lengths are compared: their difference is the error of the coarser motion, and
-an upper bound on the error of the finer motion, which is returned.  With quantized measurements the second run repeats the
-controls of the first, because a changed quantization is no error of the motion.
+an upper bound on the error of the finer motion, which is returned.
 """
 
 from __future__ import annotations
@@ -30,7 +29,6 @@ if TYPE_CHECKING:
 Acts: TypeAlias = tuple[tuple[int, ...], tuple[int, ...]]
 """Indices of controls and of disturbances among a machine's inputs."""
 
-PATH = "exponential steps"
 
 _ANGLE = 3.0  # Phase [rad] of the fastest mode that an input excites in a first step.
 _DAMPED = 2.0  # Decay rate times length of a first step: explicit steps are stable below 2.5.
@@ -107,7 +105,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, C
         _check_length(p, finer, rtol, best)
         try:
             first = _closed(p, counts) if coarse is None else coarse
-            second = _repeated(p, finer, first[1]) if p.limits.coarse else _closed(p, finer)
+            second = _closed(p, finer)
         except _StepOverflowError:  # caused by an unstable loop, or by too long a step
             coarse, counts, failures = None, finer, failures + 1
             if failures > _FAILURES:
@@ -128,7 +126,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, C
             _stays(rtol, best, counts)
         missing = int(np.ceil(np.log2(float((difference / wanted).max())) / _ORDER))
         doublings = min(max(1, missing), _MOST_DOUBLINGS) if nearer and not rounding else 1
-        coarse = second if doublings == 1 and not p.limits.coarse else None
+        coarse = second if doublings == 1 else None
         counts = tuple(count * 2**doublings for count in counts)
 
 
@@ -164,7 +162,7 @@ def loop_step(p: MachineLoop, counts: tuple[int, ...]) -> tuple[casadi.Function,
     c, ps = p.controller, p.grid.per_sample
     nz, nu, queue, late = len(p.start), len(c.driven), p.waiting, p.queued[0]
     layout = StepSignals(p)
-    sample, advance = _sample(p, queue), _advance(p, counts)
+    sample, advance = _sample(p, queue), _cached_advance(p.machine, p.acts, p.segments, counts, p.grid.h)
     symbol: Any = ca.SX.sym if advance.is_a("SXFunction") else ca.MX.sym
     s, w = symbol("s", p.size), symbol("w", layout.rows)
     z, acting = s[:nz], s[nz : nz + nu]
@@ -212,19 +210,6 @@ def _closed(p: MachineLoop, counts: tuple[int, ...]) -> tuple[Array, ControlLog]
 def _write(log: ControlLog, samples: Array, commanded: Array, applied: Array, marks: Array) -> None:
     log.commanded[samples], log.applied[samples] = commanded.T, applied.T
     log.saturated[samples], log.slewed[samples] = np.split(marks.T > 0.0, 2, axis=1)
-
-
-def _repeated(p: MachineLoop, counts: tuple[int, ...], log: ControlLog) -> tuple[Array, ControlLog]:
-    """Run the machine under the controls of a log."""
-    steps, nu = np.arange(p.grid.steps), len(p.controller.driven)
-    after = log.acting(steps, p.lag, p.grid.per_sample).T
-    before = np.hstack([np.zeros((nu, 1)), after[:, :-1]])
-    W = p.W[p.disturbed]
-    result = _advance(p, counts).mapaccum("run", len(steps))(p.start, before, after, W[:, :-1], W[:, 1:])
-    states = np.hstack([p.start[:, None], np.array(result)])
-    if not np.isfinite(states[:, -1]).all():
-        raise _StepOverflowError
-    return states, log
 
 
 class StepSignals:
@@ -336,15 +321,11 @@ def _laws(c: SampledController, y: casadi.SX, w: casadi.SX, layout: StepSignals)
     return result[0], result[1] if laws.correction.any() else None
 
 
-def _advance(p: MachineLoop, counts: tuple[int, ...]) -> casadi.Function:
-    """Return ``(z, before, after, first, last) -> z`` over a step of the grid, with a number of steps in each segment."""
-    return _cached_advance(p.machine, p.acts, p.segments, counts, p.grid.h)
-
-
 @lru_cache(maxsize=8)  # for the next loop around the same machine
 def _cached_advance(
     m: MachineModes, acts: Acts, segments: tuple[float, ...], counts: tuple[int, ...], h: float
 ) -> casadi.Function:
+    """Return ``(z, before, after, first, last) -> z`` over a step of the grid, with a number of steps in each segment."""
     import casadi as ca
 
     nz, nu, nd = 2 * len(m.omega), *map(len, acts)

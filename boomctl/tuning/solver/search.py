@@ -66,11 +66,6 @@ class LocalSearch:
     edge: float = _EDGE
     steps: int = 0
 
-    @property
-    def start(self) -> TuneStart:
-        """Result of the start."""
-        return TuneStart(self.kind, exp(self.value) if self.value < inf else inf, self.steps)
-
 
 @dataclass
 class Search:
@@ -131,7 +126,8 @@ class Search:
     @property
     def starts(self) -> list[TuneStart]:
         """Results of all starts, with those of earlier searches first."""
-        return self.earlier + [item.start for item in self.searches]
+        ended = [(item.kind, exp(item.value) if item.value < inf else inf, item.steps) for item in self.searches]
+        return self.earlier + [TuneStart(*item) for item in ended]
 
     def from_starts(self, initial: list[tuple[str, Array]], reached: float) -> None:
         """Run a first round from all starts, then complete the best few.
