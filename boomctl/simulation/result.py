@@ -70,8 +70,8 @@ class LoopResult(TimeSeries):
         "exponential steps" for a hub-beam.
     error_estimate : float
         Estimated largest error, m.  For a hub-beam, of its tip displacement and its hub angle times the radius of the free
-        end: the difference from the run with steps twice as long.  With friction, of the slip: from runs with fewer substeps, or with two instead of one.  0 for other linear
-        plants.
+        end: the difference from the run with steps twice as long.  With friction, of the slip: from runs with fewer
+        substeps, or with two instead of one.  0 for other linear plants.
     states : (n, states) ndarray or None
         States of a hub-beam, named as in ``to_nlsys()``; None for linear plants.
     units : dict from name to str
