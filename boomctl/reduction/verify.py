@@ -80,7 +80,8 @@ class SystemParts:
         image = continuous_image(original).balanced() if original.dt else original
         if not (len(original.A) and original.D.size):
             return cls(original, image, None, parts.retained, largest_of(original.D), np.zeros(0), 0.0)
-        omega = _checked_frequencies(image, band)
+        ends = [band[0], band[1] if band[1] < inf else 0.0]
+        omega = np.unique(np.append(least_damped(image.poles, band), ends))
         system_omega = omega_of_image(omega, original.dt)
         response = original.response(system_omega, quiet=True)
         largest = max(float(singular_values(response)[0].max()), largest_of(original.D))
@@ -135,7 +136,7 @@ def verified(parts: SystemParts, reduced: Lti, bound: float, band: Band | None) 
     lower, upper = max(norm.lower_bound - rounding, 0.0), norm.upper_bound + rounding
     norm = replace(norm, lower_bound=lower, upper_bound=upper)
     if band is not None:  # Weighted Gramians may be inaccurate elsewhere.
-        omega = omega_of_image(_checked_frequencies(parts.stable), original.dt)
+        omega = omega_of_image(np.append(0.0, least_damped(parts.stable.poles)), original.dt)
         everywhere, elsewhere = error_norm(parts, reduced, None), lost + rounding_of(original, omega)
         if everywhere.lower_bound + elsewhere > bound:
             bound = everywhere.upper_bound + elsewhere
@@ -171,11 +172,6 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     coarse = max(_COARSE * result.lower_bound, GRAMIANS * parts.largest)  # Errors below are rounding.
     looser = level_norm(gap, respond, (coarse, result.peak_omega), above=_ABOVE, band=limits)
     return replace(looser, lower_bound=result.lower_bound)
-
-
-def _checked_frequencies(system: Lti, band: Band = (0.0, inf)) -> Array:
-    """Return the frequencies of the least damped poles in a range, and its limits [rad/s]; zero for an infinite limit."""
-    return np.unique(np.append(least_damped(system.poles, band), [band[0], band[1] if band[1] < inf else 0.0]))
 
 
 def _gap(one: Array, other: Array) -> float:
