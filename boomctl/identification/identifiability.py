@@ -127,7 +127,7 @@ class IdentifiedSubspace:
         size = np.linalg.norm(matrix, axis=0)
         size[size == 0.0] = 1.0
         error, p = np.minimum(error, _MAX_SLOPE_ERROR * size), len(size)
-        _, values, rows = _svd(matrix / size)
+        values, rows = _svd(matrix / size)
         least = max(_ERROR_FACTOR * float(np.linalg.norm(error / size)), _ROUNDING * values[0])
         hidden, anywhere, resolved = [], replace(free, low=np.full(p, -np.inf), high=np.full(p, np.inf)), 0.0
         for row in rows[values <= least] / size:
@@ -143,7 +143,7 @@ class IdentifiedSubspace:
                 hidden.append(direction)
         null = linalg.orth(np.array(hidden).T) if hidden else np.zeros((p, 0))
         rank = p - null.shape[1]
-        _, values, rows = _svd(matrix - matrix @ null @ null.T)
+        values, rows = _svd(matrix - matrix @ null @ null.T)
         values = np.append(np.maximum(values[:rank], resolved), np.zeros(p - rank))
         return cls(values, np.vstack([rows[:rank], null.T]))
 
@@ -181,10 +181,10 @@ class IdentifiedSubspace:
         return tuple(item for item in result if item is not None)
 
 
-def _svd(matrix: Array) -> tuple[Array, Array, Array]:
-    """Compute the singular value decomposition with as many singular values as columns."""
-    left, values, rows = linalg.svd(matrix)
-    return left, np.pad(values, (0, len(rows) - len(values))), rows
+def _svd(matrix: Array) -> tuple[Array, Array]:
+    """Compute as many singular values as columns, and the right singular vectors as rows, from the triangular factor."""
+    R = np.linalg.qr(matrix, mode="r")
+    return linalg.svd(np.pad(R, ((0, matrix.shape[1] - len(R)), (0, 0))))[1:]
 
 
 def _combination(
