@@ -2,7 +2,7 @@
 
 With the sensitivity ``S = 1/(1 - L)``, ``L`` is real if ``S(s) - S(-s)`` is zero on the imaginary axis, and of modulus one if
 ``S(s) + S(-s) - 1`` is zero.  The sensitivity of a stable loop has no pole there, regardless of the poles of ``L``.  Each
-eigenvalue is a candidate; a crossing is then located in the response itself, between two frequencies of different sign.
+eigenvalue is a candidate: a crossing if the response itself has different signs at the midpoints to the next ones.
 """
 
 from collections.abc import Callable
@@ -11,13 +11,12 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, blocks
-from boomctl.lti.rounding import ALIKE, SOLVED
+from boomctl.lti.rounding import ALIKE
 from boomctl.lti.system import Lti, signal_scales
 
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
-_STEPS = 60  # Largest number of steps to a crossing; two to four are typical.
 
 
 def real_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
@@ -63,23 +62,10 @@ def _axis_zeros(S: Lti, sign: float, D: float) -> Array:
 
 
 def _crossings(zeros: Array, height: Callable[[Array], Array]) -> Array:
-    """Return the frequencies near zeros at which a height changes its sign, by regula falsi between two zeros."""
+    """Return the frequencies of zeros near the axis at which a height changes its sign."""
     omega = zeros[np.abs(zeros.real) <= _OFF_AXIS * np.abs(zeros.imag)].imag
     omega = np.unique(omega[omega > 0.0])
     if not len(omega):
         return omega
-    ends = np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]])
-    values = height(ends)
-    changed = values[1:] * values[:-1] < 0.0
-    (a, b), (fa, fb) = ((x[:-1][changed], x[1:][changed]) for x in (ends, values))
-    new = result = omega[changed]
-    for _ in range(_STEPS if len(new) else 0):
-        value = height(new)
-        same = np.sign(value) == np.sign(fb)
-        a, fa = np.where(same, a, b), np.where(same, 0.5 * fa, fb)  # Illinois: half the value of a retained end.
-        b, fb, result = new, value, new
-        with np.errstate(invalid="ignore", divide="ignore"):
-            new = np.where(fb == 0.0, b, b - fb * (b - a) / (fb - fa))
-        if (np.abs(new - result) <= SOLVED * result).all():
-            break
-    return new
+    values = height(np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]]))
+    return omega[values[1:] * values[:-1] < 0.0]

@@ -84,6 +84,7 @@ closed_loop_response(CHAIN.frequency_response, STILL) -> omega
 bc.margins(PLANT, siso(0.5, 10.0, -1.0, 0.0, 0.1, "y", "u")) -> z = .*, of size 1\.\d+\): it
 mode_table(SecondOrderModel([[1.0]], [[2.0]], [[1.0]], {"f": [1.0]}, {"y": [1.0]})) -> Jordan block
 nyquist_stability(CHAIN.frequency_response, STILL, [1j, np.nan]) -> poles: expected finite numbers
+nyquist_stability(lambda w: control.frd(np.ones((1, 1, len(w))), w, inputs="u", outputs="y"), gain(-2.0), [1j]) -> roll off
 nyquist_stability(CHAIN.frequency_response, STILL, [[1j]]) -> poles: expected numbers in one dim
 bc.analysis.robust_stability_margin(family(), SLOW, delay=0.1)
     -> ^`delay` must be 0 with a controller in continuous time, got 0\.1 s\.$
