@@ -37,7 +37,7 @@ from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import BEYOND, DRAWN, EMPTY, SEARCHED, resonance_grid, singular_values, smooth_curve
 from boomctl.lti.modal import resolved, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
-from boomctl.lti.sampled import sampled_plant, whole_samples
+from boomctl.lti.sampled import sampled_plant
 from boomctl.lti.system import Lti, controller_of, of
 from boomctl.printing import listed, table_html, table_text
 from boomctl.threads import one_blas_thread
@@ -60,7 +60,6 @@ _SWEEPS = 50  # Sweeps over rows and columns to balance them, as the initial val
 _SEARCHED = 30  # Largest number of signals for an optimized scaling: it takes tens of seconds. Beyond, only balanced.
 _STEPS = 50  # Largest number of iterations of the optimization; a dozen is typical.
 _PARTS = 32  # Number of grid delays per sample.
-_OFFSET = 1e-6  # Distance of additional grid delays from a discontinuity, in samples.
 # Frequencies relative to a crossing at which the sign of the gain's derivative is determined.
 _NEAR_CROSSING = np.array([1.0 - 1e-6, 1.0, 1.0 + 1e-6])
 _SAMPLES = 1000  # Whole samples after the first crossing at which poles outside the circle are counted.
@@ -609,16 +608,12 @@ def _further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tup
         outside = np.flatnonzero(crossed @ leaving > 0.0)
         return (float(samples[outside[0]]), float(turn[np.argmin(at_one)])) if len(outside) else (inf, nan)
 
-    jump = 1.0 - whole_samples(delay, dt)[1] / dt  # a control crosses the sample, and a feedthrough is discontinuous
-    parts = np.unique(np.r_[np.arange(_PARTS) / _PARTS, np.array([jump - _OFFSET, jump + _OFFSET, -_OFFSET]) % 1.0])
-    delays = [part + unstable_from(part)[0] for part in parts.tolist()]
-    least = int(np.argmin(delays))
-    high = delays[least]
+    high = min(part + unstable_from(part)[0] for part in np.arange(_PARTS) / _PARTS)
     if high == inf:
         return inf, nan
-    low = max(high - float(parts[least] - parts[least - 1]) % 1.0, 0.0)
-    while high - low > ALIKE * max(high, _OFFSET):
+    low = max(high - 1.0 / _PARTS, 0.0)
+    while high - low > ALIKE * max(high, ALIKE):
         middle = 0.5 * (low + high)
         unstable = unstable_from(middle % 1.0)[0] <= floor(middle)
         low, high = (low, middle) if unstable else (middle, high)
-    return high * dt, unstable_from(high % 1.0)[1] / dt
+    return float(high * dt), unstable_from(high % 1.0)[1] / dt
