@@ -5,6 +5,11 @@ systems, in the disk with the diameter from ``(1 - a/2)/(1 + a/2)`` to its inver
 ``2/|S - T|`` in the H-infinity norm (Seiler, Packard & Gahinet 2020, IEEE Control Systems 40), here with a constant
 diagonal scaling, so that it does not depend on units, and with the certified upper bound of the norm.
 
+Frequencies at which the loop's response ``L`` is real, or of modulus one, are eigenvalues of one pencil each: with the
+sensitivity ``S = 1/(1 - L)``, ``S(s) - S(-s)`` or ``S(s) + S(-s) - 1`` is zero there on the imaginary axis.  The sensitivity
+of a stable loop has no pole there, regardless of the poles of ``L``.  An eigenvalue is a crossing if the response itself has
+different signs at the midpoints to the next ones.
+
 A sampled loop is evaluated through the bilinear transformation: on the imaginary axis of the image its response is that on
 the unit circle, so that gains, angles and disks are the same; frequencies are mapped back before delays are computed.
 
@@ -15,7 +20,7 @@ poles leave the circle.  The least delay of all fractions is then refined by bis
 may overlook a range of delays narrower than the grid.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
@@ -25,12 +30,12 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy import linalg
 
 from boomctl.analysis.claim import Claim
-from boomctl.analysis.crossings import real_crossings, unit_crossings
 from boomctl.analysis.loops import joined, sign_advice, signals_of
 from boomctl.analysis.norm import NormBounds, least_damped, matrices_norm, rounding_of
-from boomctl.arrays import Array
+from boomctl.arrays import Array, blocks
 from boomctl.checks import known, warn_user
 from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from boomctl.lti.bilinear import continuous_image, omega_of_image
@@ -38,7 +43,7 @@ from boomctl.lti.frequency import BEYOND, DRAWN, EMPTY, SEARCHED, resonance_grid
 from boomctl.lti.modal import resolved, sides
 from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
 from boomctl.lti.sampled import sampled_plant
-from boomctl.lti.system import Lti, controller_of, of
+from boomctl.lti.system import Lti, controller_of, of, signal_scales
 from boomctl.printing import listed, table_html, table_text
 from boomctl.threads import one_blas_thread
 
@@ -54,6 +59,9 @@ _FAINTEST = 1e-9  # Smallest L = 1 - 1/S of a gain limit: limits above 1e9 or be
 # Largest imaginary part of L, relative to its modulus, at a crossing located by its sign.  A resonance with a larger value is
 # so narrow that rounding of the frequency does not distinguish it from a pole on the axis.
 _REAL = 1e-3
+# Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
+_FASTEST = 1e4
+_OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
 _ACTIVE = 24  # Number of frequencies, those of the largest singular values, at which the first scaling is optimized.
 _ROUNDS = 12  # Largest number of added frequencies; two or three are typical.
 _SWEEPS = 50  # Sweeps over rows and columns to balance them, as the initial value of an optimization.
@@ -544,7 +552,7 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
     def respond(omega: Array) -> Array:
         return S.response(omega_of_image(omega, dt), quiet=True)[0, 0]
 
-    omega = np.append(0.0, real_crossings(image, respond))
+    omega = np.append(0.0, _crossings(_axis_zeros(image, 1.0, 0.0), lambda omega: respond(omega).imag))
     with np.errstate(divide="ignore", invalid="ignore"):
         L = 1.0 - 1.0 / respond(omega)
         real = (np.abs(L.imag) < _REAL * np.abs(L)) & (L.real > _FAINTEST) & (L.real < 1.0 / _FAINTEST)
@@ -553,7 +561,7 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
         gains.append((1.0 / last, float(omega_of_image(inf, dt))))
     low = max((limit for limit in gains if limit[0] < 1.0), key=itemgetter(0), default=(0.0, nan))
     high = min((limit for limit in gains if limit[0] > 1.0), key=itemgetter(0), default=(inf, nan))
-    omega = unit_crossings(image, respond)
+    omega = _unit_crossings(image, respond)
     turns, omega = np.angle(1.0 - 1.0 / respond(omega)), omega_of_image(omega, dt)
     phases = [*zip(np.degrees(np.abs(turns)).tolist(), omega.tolist(), strict=True)]
     # A delay has no effect at DC.
@@ -568,6 +576,49 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
         delays = [(0.0, inf)] if dt == 0.0 else [*delays, (dt, np.pi / dt)]
     phase, delay = (min(limits, key=itemgetter(0), default=(inf, nan)) for limits in (phases, delays))
     return LoopMargin(signal, where, *zip(low, high, strict=True), *phase, *delay, disk, rounding, S)
+
+
+def _unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
+    """Return the frequencies [rad/s] at which the modulus of the loop's response crosses one, DC included.
+
+    ``S`` is the sensitivity of a stable loop of one signal in continuous time; ``respond`` may be more accurate than its
+    matrices.
+    """
+
+    def height(omega: Array) -> Array:
+        return respond(omega).real - 0.5
+
+    omega = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height)
+    # With a gain of one at DC or at infinite frequency, crossings near it are due to rounding error.
+    at_rest = abs(height(np.zeros(1))[0]) <= ALIKE
+    if at_rest:
+        omega = omega[np.abs(height(0.5 * omega)) > ALIKE]
+    if abs(float(S.D[0, 0]) - 0.5) <= ALIKE:
+        omega = omega[np.abs(height(2.0 * omega)) > ALIKE]
+    return np.append(omega, 0.0) if at_rest else omega
+
+
+def _axis_zeros(S: Lti, sign: float, D: float) -> Array:
+    """Return the zeros of ``C (s - A)^-1 B + sign C (s + A)^-1 B + D``, which is even or odd in ``s``."""
+    if not len(S.A):
+        return np.zeros(0, complex)
+    n, scale = len(S.A), signal_scales(S.A, S.B, S.C)
+    A, B, C = S.A / scale[:, None] * scale, S.B / scale[:, None], S.C * scale
+    unit = float(np.linalg.norm(A)) or 1.0  # unit of time, so that no magnitude depends on it
+    A, B, C, none = A / unit, B / unit**0.5, C / unit**0.5, np.zeros((n, n))
+    pencil = blocks([[A, none, B], [none, -A, B], [C, sign * C, np.array([[D]])]])
+    zeros = linalg.eigvals(pencil, np.diag(np.append(np.ones(2 * n), 0.0)))
+    return unit * zeros[np.abs(zeros) <= _FASTEST]
+
+
+def _crossings(zeros: Array, height: Callable[[Array], Array]) -> Array:
+    """Return the frequencies of zeros near the axis at which a height changes its sign."""
+    omega = zeros[np.abs(zeros.real) <= _OFF_AXIS * np.abs(zeros.imag)].imag
+    omega = np.unique(omega[omega > 0.0])
+    if not len(omega):
+        return omega
+    values = height(np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]]))
+    return omega[values[1:] * values[:-1] < 0.0]
 
 
 def _further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tuple[float, float]:
@@ -595,7 +646,7 @@ def _further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tup
         def respond(omega: Array) -> Array:
             return S.response(omega, quiet=True)[0, 0]
 
-        omega = unit_crossings(S, respond)
+        omega = _unit_crossings(S, respond)
         omega = omega[omega > 0.0]
         if not len(omega):
             return inf, nan
