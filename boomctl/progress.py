@@ -219,8 +219,6 @@ def _draw(computation: _Computation, ended: threading.Event) -> None:
     from rich.errors import LiveError
     from rich.markup import escape
 
-    if ended.is_set():  # while rich was loaded
-        return
     # Another display of rich may be active.
     with suppress(LiveError), Console(stderr=True).status(escape(str(computation.now()))) as shown:
         while not ended.wait(_REDRAWN):
