@@ -221,7 +221,8 @@ class Measured:
         scaled = (np.abs(x).reshape(lines.shape) for x in (differences / self.spread, fitted))
         for use, *pair in zip(lines, *scaled, strict=True):
             if use.sum() > 2:
-                correlations.append(np.corrcoef([np.argsort(np.argsort(x[use])) for x in pair])[0, 1])
+                a, b = (np.argsort(np.argsort(x[use])) - 0.5 * (use.sum() - 1) for x in pair)
+                correlations.append(a @ b / (a @ a))
         least = max(_GROWING, _SURE / np.sqrt(self.kept.sum()))
         return self.errors == "absolute" and bool(np.mean(correlations or [0.0]) > least)
 

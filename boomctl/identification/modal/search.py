@@ -32,6 +32,7 @@ _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
+_LESS_STEADY = 0.2  # The same where that fit finds no pole.
 _REACH = 6.0  # Half widths to either side of a resonance in its window.
 _FEWEST = 12  # Lines to either side at least.
 _MOST = 64  # Lines to either side at most; of wider windows some lines are left out.
@@ -64,10 +65,13 @@ def search_poles(
     highest = min(highest, len(data.lines[0]) // (2 * data.U.shape[1] + 2))
     orders = tuple(sorted({round(order) for order in np.linspace(max(highest // 2, 2), highest, _ORDERS)}))
     by_order = poles_by_order(data, orders)
-    chains = tracks(by_order, data.resolution)
-    poles = [track.pole for track in chains if len(track.orders) >= _STEADY * len(orders)]
-    start = CommonPoles(data, np.array(poles[: most_poles(data)], complex), np.zeros(0, complex), band.integrators[0])
-    fit, unresolved = refine(with_background(_weighted(start), band), band)
+    chains, fit, unresolved = tracks(by_order, data.resolution), None, np.zeros(0, complex)
+    for least in (_STEADY, _LESS_STEADY):
+        if fit is None or not len(fit.poles):
+            poles = [track.pole for track in chains if len(track.orders) >= least * len(orders)]
+            poles = np.array(poles[: most_poles(data)], complex)
+            start = CommonPoles(data, poles, np.zeros(0, complex), band.integrators[0])
+            fit, unresolved = refine(with_background(_weighted(start), band), band)
     return settled(with_background(_weighted(fit), band), band), unresolved, chains, by_order
 
 
