@@ -124,17 +124,14 @@ def reduce_controller(
     limit = np.inf if fastest_pole is None else positive("fastest_pole", fastest_pole)
     if order is not None and whole("order", order, 0) > len(K.A):
         raise ValueError(f"`order` must be at most {len(K.A)}, that of the controller, got {order}.")
+    what = "The controller"
     try:
         full = verified_candidate(plant, K, np.inf)
-    except ValueError as error:
-        raise SynthesisError(f"The controller cannot be reduced: {error}.") from None
-    if largest_pole(K) > limit:
-        try:  # The controller must stabilize: nothing can be balanced otherwise.
+        if largest_pole(K) > limit:  # The controller must stabilize: nothing can be balanced otherwise.
+            what = f"The controller without its poles above {limit:.3g} rad/s"
             K = verified_candidate(plant, without_fast_poles(K, limit), np.inf).K
-        except ValueError as error:
-            raise SynthesisError(
-                f"The controller needs its poles above {limit:.3g} rad/s: without them, {error}."
-            ) from None
+    except ValueError as error:
+        raise SynthesisError(f"{what} cannot be reduced: {error}.") from None
     balanced, values = _balanced_in_loop(plant, K)
     most = len(balanced.A)
     orders = range(most + 1) if order is None else [min(order, most)]

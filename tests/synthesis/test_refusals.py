@@ -146,6 +146,9 @@ bc.discretize(LAG, 0.1, "zoh", prewarp_omega=1.0) -> `prewarp_omega` must be Non
 bc.discretize(LAG, 0.1, prewarp_omega=100.0) -> `prewarp_omega` must be less than pi
 bc.discretize(LAG, 0.1, samples_per_period=1.0) -> `samples_per_period` must be at least 2
 bc.reduce_controller(made(1.0, [[1, 1]], [[1], [1]], [[0, 0], [0, 0]]), LAG * 0.0) -> SynthesisError: real part 1 rad/s
+bc.reduce_controller(made([[0, 1], [0, 0.1]], [[0, 0], [1, 1]], [[1, 0], [1, 0]], [[0, 0], [0, 0]]),
+    control.ss(-10.0, 1.0, 100.0, -11.0), fastest_pole=1.0)
+    -> SynthesisError: without its poles above 1 rad/s cannot be reduced: its loop has a pole with real part 0\.05
 bc.reduce_controller(P, bc.h2(P), order=99) -> `order` must be at most
 bc.reduce_controller(SAMPLED, half("a", 0.1), fastest_pole=1.0) -> `fastest_pole` must be None for a discrete con
 bc.join_symmetric(MODEL, half("anti", force="sym"), half("anti")) -> 'stroke_anti' of the symmetric contr
