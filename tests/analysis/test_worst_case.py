@@ -266,6 +266,23 @@ def test_where_there_is_no_bound_it_is_said_why():
     assert "unstable" in lost.message
 
 
+@pytest.mark.parametrize(("gain", "largest"), [(0.07, 24.370262), (0.12, np.inf)])
+def test_a_proof_finds_what_the_search_passes_by(gain, largest):
+    """The controller takes the damping where its narrow resonance meets the plant's, between the points of the search."""
+    family = AffineFamily.from_function(
+        {"k": (1.0, 9.0)},
+        lambda p: SecondOrderModel([[1.0]], [[0.05]], [[p["k"]]], {"u": [1.0], "w": [1.0]}, {"y": [1.0]}),
+    )
+    A = [[0.0, 1.0], [-(2.72**2), -0.272]]
+    K = control.ss(A, [[0.0], [1.0]], [[-gain, 0.0]], 0.0, inputs="y", outputs="u")
+    searched, found = (bc.worst_case(family, K, "w", "y", rtol=rtol) for rtol in (None, 1e-3))
+    assert searched.lower_bound < 20.2
+    assert found.lower_bound == pytest.approx(largest, rel=1e-3)
+    assert found.lower_bound <= largest <= found.upper_bound
+    assert found.worst_values["k"] == pytest.approx(7.35, abs=0.4)
+    assert (bc.robust_stability(family, K).destabilizing_values is None) == (largest < np.inf)
+
+
 def test_worst_case_sums_terms_of_one_parameter():
     """A family may split the change by a parameter into several terms."""
     family = AffineFamily.from_function(

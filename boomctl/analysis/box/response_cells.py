@@ -21,7 +21,7 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from boomctl.analysis.box.polynomials import ROUNDING, Cell, expansion, monomials
-from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
+from boomctl.analysis.box.zero_exclusion import BATCH, BELOW, TOP, evened
 from boomctl.arrays import Array, balance
 
 if TYPE_CHECKING:
@@ -32,14 +32,12 @@ _Terms = dict[tuple[int, ...], Array]
 
 
 _PARALLEL = 0.9  # Cosine of two eigenvectors above which they are orthogonalized: their inverse would be large.
-_LEVEL = 1.0 - 1e-9  # Fraction of a level that a gain may reach: the difference exceeds the rounding error of the gain.
 _SWEEPS = 5  # Power iterations for the vector ``d``: it need not be exact, any positive vector yields a bound.
 _FAR = 0.6  # Bound of ``Z`` above which it, not the terms of second order, determines where to cut.
 _ORDER = 2  # Largest order of a product whose matrix is stored with phases; longer products count by their magnitudes.
 _FIRST = 0.5  # First frequency of the chain after zero, relative to the slowest pole.
 _HULL = np.array([(-1.0, 1.0), (0.0, -1.0), (1.0, 1.0)])  # Vertices of a triangle around (v, v^2), -1 <= v <= 1.
 _CORNERS = 7  # Largest number of variables whose triangles are combined: memory grows with three to its power.
-_BATCH = 2**18  # Entries of the matrices in one batch, which fit into the cache.
 
 
 @dataclass(frozen=True)
@@ -159,14 +157,14 @@ class ResponseCells:
             Called with the largest gain at the midpoints of a batch and its point; returns the new level, infinite to stop.
         """
         cells, visited, proved = self.start(cell), 0, 0
-        batch = max(8, _BATCH // len(self.poles) ** 2)
+        batch = max(8, BATCH // len(self.poles) ** 2)
         while len(cells) and visited + len(cells) <= limit and level < np.inf:
             here, cells = cells[-batch:], cells[:-batch]
             bound, gain, axes = self.look(here)
             visited += len(here)
             worst = int(np.argmax(gain))
             level = update(float(gain[worst]), here.middle[worst, 1:])
-            open_ = ~(bound < level * _LEVEL)  # NaN is not proved
+            open_ = ~(bound < level * BELOW)  # NaN is not proved
             proved += int((~open_).sum())
             cells = cells.with_halves(here[open_], axes[open_])
         return None if len(cells) else proved

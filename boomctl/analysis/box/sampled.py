@@ -28,7 +28,6 @@ from boomctl.structure.response.realization import realize
 _EXACT = 1e-9  # Largest error of a polynomial, relative to the largest entry: far below the damping of a loop.
 # The same for many parameters, where products of parameters of different coordinates are omitted and count as error.
 _COUPLED = 1e-6
-_DEGREE = 32  # Largest degree in a parameter: enough to detect a range that is too wide.
 # Largest number of points in a parameter's range; a wider range is halved, because coefficients of higher powers cancel.
 _MOST_POINTS = 20
 _MOST_PARTS = 64  # Parts of a box are halved only while it has fewer than this number.
@@ -56,7 +55,7 @@ def sampled_parts(
     while waiting:
         cell = waiting.pop()
         at = _matrices(loop_at, cell)
-        counts = [points_along(at, axis, _negligible, _DEGREE, _SPARE_POINTS) for axis in np.eye(size)]
+        counts = [points_along(at, axis, _negligible, _MOST_POINTS, _SPARE_POINTS) for axis in np.eye(size)]
         if max(counts) <= _MOST_POINTS:
             result.append(_part(cell, at, counts, K.dt, groups))
         elif np.prod(cell.reach) * _MOST_PARTS > 1.0:

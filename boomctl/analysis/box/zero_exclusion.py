@@ -36,9 +36,9 @@ TOP = 4.0  # Start of the last interval, relative to the fastest pole: no resona
 _DEPTH = 5  # Largest number of subdivisions of an interval that fails.
 _PARTS = 4  # Parts of a subdivided interval.
 _SWEEPS = 20  # Largest number of power iterations.
-_BATCH = 2**17  # Entries of the matrices in one batch, which fit into the cache.
+BATCH = 2**17  # Entries of the matrices in one batch, which fit into the cache.
 _ROUNDING = 32.0 * EPS  # Rounding error of sums of products of a few terms.
-BELOW = 1.0 - 1e-10  # Below one by more than the rounding error of a matrix-vector product.
+BELOW = 1.0 - 1e-9  # Below one by more than the rounding error of a matrix-vector product, or of a gain.
 _LEAST = 1e-12  # Smallest entry of the vector, relative to the largest, so that no entry vanishes.
 _PRODUCTS = 3  # Largest order of a product whose matrix is stored with phases; longer products are small.
 
@@ -209,7 +209,7 @@ def _unexcluded_frequency(modes: _Modes) -> Array | None:
 
     A frequency is a point ``(a, b)`` with the pencil ``j a E - b A``; infinity is ``(1, 0)``.
     """
-    squares, batch = _squares(modes), max(2 * _PARTS, _BATCH // len(modes.poles) ** 2)
+    squares, batch = _squares(modes), max(2 * _PARTS, BATCH // len(modes.poles) ** 2)
     ends = _breaks(modes)
     chain, tail = np.column_stack([ends, np.ones(len(ends))]), np.array([[1.0, 1.0 / ends[-1]], [1.0, 0.0]])
     lines = [chain[None, i : i + batch + 1] for i in range(0, len(chain) - 1, batch)] + [tail[None]]
