@@ -1,7 +1,6 @@
 """Norms, reduction errors, margins and poles of systems made hard on purpose, against exact arithmetic.
 
 What is certified is true, each time, and so are the bounds of what is not; few of the damped ones are not certified.
-``python -m tests.test_oracle 2000`` prints the table of outcomes, kind by kind.
 """
 
 import sys
@@ -232,12 +231,3 @@ def test_what_is_certified_of_all_hard_systems_is_true(quantity):
     print(f"\n{table(quantity, count)}")
     assert false == []
     assert share_not_told(count) < SHARE, table(quantity, count)
-
-
-if __name__ == "__main__":
-    for name in QUANTITIES:
-        counted, wrong = outcomes(name, range(int(sys.argv[1])))
-        print(
-            table(name, counted),
-            f"\n  not told of the damped: {100.0 * share_not_told(counted):.1f} %; false: {wrong}\n",
-        )

@@ -11,7 +11,6 @@ import threading
 import warnings
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
-from types import SimpleNamespace
 
 import control
 import matplotlib as mpl
@@ -24,6 +23,7 @@ from matplotlib.figure import Figure
 import boomctl as bc
 from boomctl.identification import MeasuredFrequencyResponse
 from boomctl.plotting import figure_bytes, figure_of, style
+from tests import fuzz
 from tests import handed_out as one
 from tests.handed_out import FACTORIES
 from tests.profiles import is_quick
@@ -294,26 +294,13 @@ def test_nyquist_plot_touches_margin_disk():
 
 
 def test_controls_of_an_overlay_are_not_cut_off():
-    def run(size):
-        t = np.linspace(0.0, 1.0, 11)
-        words = {
-            "saturation_fraction": {"u": 0.0},
-            "rate_limit_fraction": {"u": 0.0},
-            "stop_contacts": (),
-            "friction": None,
-            "units": {},
-        }
-        signals = {"outputs": {"y": t}, "_strokes": {}, "controls": {"u": size * t}, "commanded": {"u": size * t}}
-        return SimpleNamespace(time=t, **words, **signals)
-
-    from boomctl.plotting.loop import plot_loop
-
-    axes = plot_loop(run(1.0), Figure().subplots(2, 1))
-    plot_loop(run(10.0), axes)
-    plot_loop(run(0.1), axes)
+    time, axes = 0.1 * np.arange(21), Figure().subplots(2, 1)
+    for size in (1.0, 10.0, 0.1):
+        run = bc.simulate_loop(fuzz.plant(), fuzz.controller(0.1), time, {"u1": np.full(21, size)}, sample_time=0.1)
+        run.plot(axes)
+    largest = 100.0 * np.abs(run.controls["u0"]).max()  # of the second run: the loop is linear
     low, high = axes[1].get_ylim()
-    assert low < -10.0
-    assert high > 10.0
+    assert low < -largest < largest < high
 
 
 def test_loop_plot_has_axes_for_each_unit():
