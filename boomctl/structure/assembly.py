@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache
+from itertools import pairwise
+from math import hypot
 
 import numpy as np
 from scipy import linalg
@@ -303,7 +305,9 @@ def _find_mechanism(key: _Geometry) -> Mechanism:
     N, R = rows(bodies), rows([motion.relative(link.a, link.b, link.direction) for link in assembly.springs])
     links, S, lengths = R, np.zeros((0, len(names))), ()
     if exact and meshes:
-        lengths = tuple(np.diff(mesh.nodes) for mesh in meshes)
+        lengths = tuple(
+            _segment_lengths(beam, mesh.nodes, assembly.points()) for beam, mesh in zip(beams, meshes, strict=True)
+        )
         S = np.vstack([_segment_ends(size, T[at:]) for at, size in zip(first, lengths, strict=True)])
     elif not exact:
         deflections = [mesh.inertia.matrix(at, len(index)) @ T for at, mesh in zip(first, meshes, strict=True)]
@@ -347,6 +351,31 @@ def _segment_mesh(beam: Beam, stations: list[float]) -> BeamMesh:
         # the natural frequencies of a free segment are those of a clamped one, where its own stiffness is infinite
         marks = (marks[0], _DIVISION * beam.length, marks[1])
     return FiniteElements(marks).mesh(beam, stations)
+
+
+def _segment_lengths(beam: Beam, nodes: Array, points: Sequence[Point]) -> Array:
+    """Return the lengths of an exact beam's segments.
+
+    They are distances between attachments, or lengths of segments of the beam: a difference of stations, which are relative
+    to the start of the beam, is inaccurate for a short segment.  Lengths that are equal to within this error are identified,
+    so that equal segments are computed once.
+    """
+    lengths, lost = np.diff(nodes), CANCELLED * beam.length
+    attached = [beam.parent, *(point for point in points if point.body.name == beam.name)]
+    stations = np.array([beam.station(point.x, point.y) for point in attached])
+    marks = np.cumsum([0.0, *(section.length for section in beam.segments)])
+    for i, ends in enumerate(pairwise(nodes)):
+        near, sections = ([np.flatnonzero(np.abs(x - end) <= lost)[:1] for end in ends] for x in (stations, marks))
+        if all(map(len, near)):
+            a, b = (attached[indices[0]] for indices in near)
+            lengths[i] = hypot(b.x - a.x, b.y - a.y)
+        elif all(map(len, sections)) and sections[1][0] == sections[0][0] + 1:
+            lengths[i] = beam.segments[sections[0][0]].length
+    order = np.argsort(lengths)
+    for a, b in pairwise(order):
+        if lengths[b] - lengths[a] <= lost:
+            lengths[b] = lengths[a]
+    return lengths
 
 
 def _ports(assembly: Assembly, motion: Kinematics, rows: Callable[[list[Row]], Array]) -> Ports:
