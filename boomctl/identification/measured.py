@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -416,6 +415,5 @@ def _of_data(model: Any, data: Measured, omega: Array) -> Array:
     grid = np.asarray(model.omega)
     if grid.shape != omega.shape or not np.allclose(grid, omega, rtol=ALIKE, atol=0.0):
         raise ValueError("model: expected a response at the measured frequencies, ascending")
-    there = SimpleNamespace(input_labels=tuple(model.input_labels), output_labels=tuple(model.output_labels))
-    ins, outs = _signals(data, there)
-    return np.asarray(model[list(outs or there.output_labels), list(ins or there.input_labels)].frdata)
+    ins, outs = _signals(data, model)
+    return np.asarray(model[list(outs or model.output_labels), list(ins or model.input_labels)].frdata)
