@@ -413,7 +413,7 @@ def margins(
             if (sides(before.system.poles, 0.0) < 0).all():
                 _warn_of_sampling(disks[total:], disk_margins(before.sensitivity, groups[:2])[0], dt, delay)
     original = (loop.plant, K) if P.dt == K.dt and not delay else (loop.system, None)
-    return Margins(tuple(loops), *disks[total:], original)
+    return Margins(tuple(loops), disks[total], disks[total + 1], disks[total + 2], original)
 
 
 def _warn_of_sampling(disks: Sequence[DiskMargin], before: Sequence[DiskMargin], dt: float, delay: float) -> None:
@@ -462,7 +462,7 @@ def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
         d = np.exp(np.append(log, 0.0))
         return matrices_norm(replace(T, B=T.B / d, C=d[:, None] * T.C, D=d[:, None] * T.D / d))
 
-    log = _leveled(G)
+    log = _leveled(G) if n > 1 else np.zeros(0)
     best = norm = norm_of(log)
     if 1 < n <= _SEARCHED:
         G = G[:, :, np.argsort(-_scaled_values(log, G))[:_ACTIVE]]
@@ -484,7 +484,7 @@ def _leveled(G: Array) -> Array:
     for _ in range(_SWEEPS):
         for i in range(len(G)):
             scaled = np.exp(log)[:, None] * size / np.exp(log)
-            row, column = (np.delete(x, i).max(initial=0.0) for x in (scaled[i], scaled[:, i]))
+            row, column = (np.delete(x, i).max() for x in (scaled[i], scaled[:, i]))
             if row > 0.0 and column > 0.0:
                 log[i] += 0.5 * np.log(column / row)
     return log[:-1] - log[-1]
@@ -574,8 +574,9 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
         # Continuous: at some high frequency a delay shifts the phase by any angle. Discrete: for `P` poles of `L` outside the
         # unit circle, a stable loop has winding number `P` of `1 - L`; one sample of delay adds a real pole beyond z = -1.
         delays = [(0.0, inf)] if dt == 0.0 else [*delays, (dt, np.pi / dt)]
-    phase, delay = (min(limits, key=itemgetter(0), default=(inf, nan)) for limits in (phases, delays))
-    return LoopMargin(signal, where, *zip(low, high, strict=True), *phase, *delay, disk, rounding, S)
+    phase, delay = (min(each, key=itemgetter(0), default=(inf, nan)) for each in (phases, delays))
+    limits, at = (low[0], high[0]), (low[1], high[1])
+    return LoopMargin(signal, where, limits, at, *phase, *delay, disk, rounding, S)
 
 
 def _unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
