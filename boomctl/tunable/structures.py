@@ -18,7 +18,6 @@ GAIN, RATE, RATIO, PHYSICAL = "gain", "rate", "ratio", "physical"
 _SPAN = 100.0  # default bounds of rates: the plant's band times this factor on either side
 _DAMPING = (0.05, 2.0)  # bounds of the damping ratio of a positive position feedback: no second resonance
 _DEEP, _WIDE = (1e-3, 1.0), (0.02, 3.0)  # bounds of the damping ratios of a notch's zeros and poles
-_DAMPED = (0.1, 1.0)  # range of the damping ratios of a random state space
 
 
 @dataclass(frozen=True)
@@ -339,25 +338,6 @@ class StateSpace(ControllerForm):
         A, B, C, D = self._split(values, ports)
         through = ca.SX(rows, columns) if self.strictly_proper else _by_rows(D, rows, columns)
         return Block(_by_rows(A, n, n), _by_rows(B, n, columns), _by_rows(C, rows, n), through)
-
-    def drawn(self, ports: Ports, rng: np.random.Generator, level: float, quiet: bool) -> Array:
-        (rows, columns), n = ports.shape, self.order
-        A = np.zeros((n, n))
-        rates = np.exp(rng.uniform(np.log(ports.slowest), np.log(ports.fastest), n)) / ports.rate
-        k = 0
-        while k < n:
-            if k + 1 < n and rng.random() < 0.7:
-                damping = rng.uniform(*_DAMPED)
-                damped_rate = rates[k] * np.sqrt(1.0 - damping**2)
-                A[k : k + 2, k : k + 2] = [[-damping * rates[k], damped_rate], [-damped_rate, -damping * rates[k]]]
-                k += 2
-            else:
-                A[k, k] = -rates[k]
-                k += 1
-        size = np.sqrt(np.maximum(np.abs(A).sum(axis=1), 1e-3))  # so that a mode's own gain is about the level
-        B, C = rng.normal(size=(n, columns)) * size[:, None], level * rng.normal(size=(rows, n)) * size
-        D = level * rng.normal(size=0 if self.strictly_proper else rows * columns)
-        return np.concatenate([A.ravel(), B.ravel(), C.ravel(), D])
 
     def lower(self) -> ControllerForm | None:
         if self.order == 1:

@@ -33,7 +33,6 @@ _DAMPING, _LEAST, _LARGEST = (
 )  # damping of a step in natural sizes: initial, smallest, largest
 # smallest next damping after a step to unstable loops, over the curvature along it: shortens the step to a quarter
 _SHORTER = 3.0
-_FAR = 1e4  # natural sizes beyond which a bound is ignored
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
 _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
@@ -136,9 +135,8 @@ class Polish:
         c[n], c[n + 1 :] = 1.0, self._weight
         rows = np.hstack([gradients, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
         up, down = np.maximum((problem.high - x) * root, 0.0), np.maximum((x - problem.low) * root, 0.0)
-        above, below = up < _FAR, down < _FAR
-        rows = np.vstack([rows, -unit[n + 1 :], unit[:n][above], -unit[:n][below]])
-        sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up[above], down[below]])
+        rows = np.vstack([rows, -unit[n + 1 :], unit[:n], -unit[:n]])
+        sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up, down])
         y, z = least(Q, c, rows, sides)
         there = values + gradients @ y[:n]
         merit = float(there[~limits].max()) + self._weight * float(there[limits].max(initial=0.0))
