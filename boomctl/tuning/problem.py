@@ -10,7 +10,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import known
-from boomctl.lti.rounding import LEVEL, TINY
+from boomctl.lti.rounding import ALIKE, LEVEL, TINY
 from boomctl.lti.system import Lti
 from boomctl.synthesis.plants.channels import Channel, signal_indices
 from boomctl.synthesis.plants.partition import GeneralizedPlant
@@ -170,8 +170,13 @@ def ports_of(plants: tuple[GeneralizedPlant, ...]) -> Ports:
 
 
 def _size(part: Lti, omega: Array) -> Array:
-    """Return log magnitudes of responses, averaged over their upper three decades; nan where they are zero."""
-    result = np.abs(part.balanced().response(omega, quiet=True))
+    """Return log magnitudes of responses, averaged over their upper three decades; nan for rounding error only."""
+    part, n = part.balanced(), len(part.A)
+    result = np.abs(part.response(omega, quiet=True))
+    if n:  # below this fraction of the product of state and output magnitudes a response is rounding error
+        states = replace(part, C=np.eye(n), D=np.zeros((n, part.D.shape[1])), output_labels=())
+        moved = np.abs(states.response(omega, quiet=True)).max(axis=0)
+        result = np.where(result > ALIKE * np.linalg.norm(part.C, axis=1)[:, None, None] * moved, result, 0.0)
     top = result.max(axis=2)
     there = (top > TINY) & np.isfinite(top)
     with np.errstate(divide="ignore"):
