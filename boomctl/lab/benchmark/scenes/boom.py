@@ -29,8 +29,7 @@ from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
 from boomctl.structure.model import SecondOrderModel
 
-_FINITE, _DEGREES = (6, 10, 20, 50, 100, 190), (4, 6, 8, 10, 12, 14)  # elements, and orders of high-order elements
-_PEERS = (6, 10, 20, 50, 100)  # elements of other programs
+_FINITE, _DEGREES = (6, 10, 20, 50, 100, 190), (4, 6, 8, 10, 12, 14)  # elements, of others but the last; orders
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DURATION, _DT = 60.0, 0.01  # s, of the bumps and between samples
 _BEGIN, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
@@ -87,8 +86,8 @@ def boom_sigma() -> Scene:
             *_ours(lambda model: sigma(model, _OMEGA).sigma),
             *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True),
             *settings("exact beam", "no mesh", [()], exact, ours=True),
-            *_others("python-control", _PEERS, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
-            *_others("SciPy, banded solver", (*_PEERS, 200, 500), lambda boom: banded_sigma(boom, _OMEGA)),
+            *_others("python-control", _FINITE[:-1], lambda boom: control_sigma(control_boom(boom), _OMEGA)),
+            *_others("SciPy, banded solver", (*_FINITE[:-1], 200, 500), lambda boom: banded_sigma(boom, _OMEGA)),
             *sized(
                 _ours(lambda model: sigma(model, _OMEGA).sigma, _MESHES, ()),
                 _others("python-control", _MESHES, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
@@ -119,8 +118,8 @@ def boom_peak() -> Scene:
         error=lambda p, true, answer: abs(answer / true - 1.0),
         methods=(
             *_ours(peak, verified=True),
-            *_others("control.linfnorm", _PEERS, by_control, "slycot"),
-            *_others("pyMOR, hinf_norm", _PEERS[:4], pymor_norm, "pymor", "slycot"),
+            *_others("control.linfnorm", _FINITE[:-1], by_control, "slycot"),
+            *_others("pyMOR, hinf_norm", _FINITE[:4], pymor_norm, "pymor", "slycot"),
             *sized(_ours(peak, _MESHES, ()), _others("control.linfnorm", _MESHES, by_control, "slycot")),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
@@ -166,8 +165,8 @@ def boom_time() -> Scene:
         error=relative_error(_EQUAL),
         methods=(
             *(s for rtol, n, k in sizes for s in _ours(ours(rtol), n, k)),
-            *_others("control.forced_response", _PEERS, by_control),
-            *_others("scipy.signal.lsim", _PEERS, lambda boom: lsim(boom, time, motion)),
+            *_others("control.forced_response", _FINITE[:-1], by_control),
+            *_others("scipy.signal.lsim", _FINITE[:-1], lambda boom: lsim(boom, time, motion)),
             *sized(
                 _ours(ours(1e-4), _MESHES, ()),
                 _others("scipy.signal.lsim", _MESHES, lambda boom: lsim(boom, time, motion)),
