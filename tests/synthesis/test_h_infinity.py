@@ -83,6 +83,9 @@ def test_norm_is_what_others_find_and_no_bound_lies_above_it(seed, n, sizes, fee
     assert design.gamma <= 1.01 * level * (1.0 + 1e-5)  # of six digits
     assert certificate.lower_bound <= design.gamma * (1.0 + 1e-7)
     assert certificate.spectral_abscissa < 0.0
+    bounds, source = design.gamma_bounds, certificate.lower_bound_source
+    assert source.startswith("none") == (certificate.lower_bound == 0.0)
+    assert ("rad/s" in source) == (certificate.lower_bound > 0.0 and bounds.frequency >= bounds.riccati)
     assert design.controller.input_labels == P.output_labels[-sizes[3] :]
     assert design.controller.output_labels == P.input_labels[-sizes[2] :]
     assert design.closed_loop.input_labels == P.input_labels[: -sizes[2]]

@@ -93,6 +93,7 @@ def test_kalmans_inequality_and_no_other_gain_costs_less(seed):
     design = bc.lqr(system, Q, R)
     assert design.certificate.min_return_difference == pytest.approx(1.0, abs=1e-8)
     assert design.control_loop.output_labels == ["u0", "u1"]
+    assert design.certificate.optimality_gap == np.inf  # of a norm without a lower bound
     L = linalg.cholesky(R)
     for w in np.geomspace(1e-2, 1e2, 30):
         loop = design.gain @ np.linalg.solve(1j * w * np.eye(5) - system.A, system.B)
