@@ -17,14 +17,14 @@ from tests.profiles import examples
 from tests.strategies import seeds
 
 
-def family(damping=0.1, unit=1.0):
-    """Return two masses of which a stiffness and a mass are uncertain, and the unit of the second's place."""
+def family(damping=0.1, unit=1.0, strength=1.0):
+    """Return two masses of which a stiffness and a mass are uncertain, with units of the second's place and force."""
 
     def make(values):
         k, m = values["stiffness"], values["mass"]
         M, K = np.diag([1.0, m]), np.array([[2.0 + k, -k], [-k, k]])
         C = damping * np.array([[2.0, -1.0], [-1.0, 1.0]])
-        return SecondOrderModel(M, C, K, {"u": [1.0, 0.0], "v": [0.0, 1.0]}, {"y": [1.0, 0.0], "z": [0.0, unit]})
+        return SecondOrderModel(M, C, K, {"u": [1.0, 0.0], "v": [0.0, strength]}, {"y": [1.0, 0.0], "z": [0.0, unit]})
 
     return AffineFamily.from_function({"stiffness": (0.8, 1.2), "mass": (0.9, 1.1)}, make)
 
@@ -208,9 +208,11 @@ def test_uncertainty_invariant_to_units():
                 beside = named(share * 0.095 / found.small_gain * turned(entry, rng), u, y)
                 plant = with_beside(plant, beside)
         assert slowest(plant, K) < 0.0
-    S = np.diag([1.0, 1024.0])
-    K2 = control.ss(K.A, K.B @ np.linalg.inv(S), K.C, K.D @ np.linalg.inv(S), inputs=["y", "z"], outputs=["u", "v"])
-    W2 = control.ss(W.A, W.B, S @ W.C, S @ W.D, inputs=["u", "v"], outputs=["y", "z"])
-    assert bc.robust_stability(family(0.3, 1024.0), K2, additive_uncertainty=W2).small_gain == pytest.approx(
-        0.95, rel=1e-2
-    )
+    for unit, strength in ((1024.0, 1.0), (1.0, 1024.0)):
+        S, T = np.diag([1.0, 1.0 / unit]), np.diag([1.0, 1.0 / strength])
+        K2 = named(control.ss(K.A, K.B @ S, T @ K.C, T @ K.D @ S), ["y", "z"], ["u", "v"])
+        W2 = named(np.linalg.inv(S) * W * np.linalg.inv(T), ["u", "v"], ["y", "z"])
+        again = bc.robust_stability(family(0.3, unit, strength), K2, additive_uncertainty=scaled(W2, 0.5))
+        assert again.proved
+        # units are scaled by powers of two
+        assert again.small_gain == pytest.approx(0.5 * 0.95, rel=1e-2 if strength == 1.0 else 0.5)

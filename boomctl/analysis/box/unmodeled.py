@@ -3,8 +3,9 @@
 The plants are ``G + D`` with ``G`` of the family and a stable ``D``, each entry below that of a bound, ``|D_ij| <= |W_ij|``
 at all frequencies.  The loop ``u = K y`` is stable for all of them if it is stable without ``D``, and the gain from the
 contribution of each entry to an output, weighted by ``W_ij``, to the control that drives the entry, is below one (Zhou &
-Doyle, Essentials of Robust Control, ch. 8): a worst case of the loop with the weights before its controller.  The result does
-not depend on the units of the entries, which are scaled.  With one entry the condition is also necessary.
+Doyle, Essentials of Robust Control, ch. 8): a worst case of the loop with the weights before its controller.  The entries
+are scaled by powers of two: their units change the result by less than a factor of two.  With one entry the condition is also
+necessary.
 
 In a sampled loop ``D`` acts through the hold and the sampler: its response is a sum of aliases, ``sum_k D(j w_k) h_k``
 with ``w_k = w + 2 pi k/dt``.  The squares of the hold's ``|h_k|`` add up to one, so that the response is below
