@@ -8,10 +8,10 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.analysis.norm import NormBounds
-from boomctl.arrays import Array, balance
+from boomctl.arrays import Array
 from boomctl.checks import nonnegative, positive, whole
 from boomctl.exceptions import SynthesisError
-from boomctl.lti.gramians import square_root
+from boomctl.lti.gramians import gramian, square_root
 from boomctl.lti.modal import residualised, split
 from boomctl.lti.rounding import SUMMED
 from boomctl.lti.system import Lti, lower_lft
@@ -181,17 +181,15 @@ def _balanced_in_loop(plant: GeneralizedPlant, K: Lti) -> tuple[Lti, Array]:
     """Return a controller with states balanced within the closed loop, and their singular values, descending."""
     if not len(K.A):
         return K, np.zeros(0)
-    loop, n = lower_lft(plant.system, K), len(plant.A)
-    A, scale = balance(loop.A)
-    B, C = loop.B / scale[:, None], loop.C * scale[None, :]
-    solve, sign = (linalg.solve_continuous_lyapunov, -1.0) if K.dt == 0.0 else (linalg.solve_discrete_lyapunov, 1.0)
-    P, Q = solve(A, sign * B @ B.T), solve(A.T, sign * C.T @ C)
+    K, n = K.balanced(), len(plant.A)
+    loop = lower_lft(plant.system.balanced(), K)
+    P, Q = gramian(loop.A, loop.B, K.dt != 0.0), gramian(loop.A.T, loop.C.T, K.dt != 0.0)
     driven, observed = square_root(P[n:, n:]), square_root(Q[n:, n:])
     left, values, right = linalg.svd(observed.T @ driven, full_matrices=False)
     # States below this fraction of the largest singular value are rounding error.
     retained = values > SUMMED * values[0]
-    into = (left[:, retained] / np.sqrt(values[retained])).T @ observed.T / scale[n:]
-    out = scale[n:, None] * (driven @ (right[retained].T / np.sqrt(values[retained])))
+    into = (left[:, retained] / np.sqrt(values[retained])).T @ observed.T
+    out = driven @ (right[retained].T / np.sqrt(values[retained]))
     return replace(K, A=into @ K.A @ out, B=into @ K.B, C=K.C @ out, state_labels=()), values
 
 
