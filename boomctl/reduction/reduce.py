@@ -1,4 +1,9 @@
-"""Model reduction by one of five methods, with a verified error."""
+"""Model reduction by one of five methods, with a verified error.
+
+From call to certificate: :func:`reduce` separates the stable part (``SystemParts.of``, ``spectral_parts``) and balances it
+(``balance``); ``StateReducer.reduced`` cuts it by a method, such as ``truncated``; ``verified`` bounds the error, which
+``error_norm`` computes (``largest_gain``) and proves to stay below a level (``stays_below``).
+"""
 
 from contextlib import suppress
 from dataclasses import replace
