@@ -204,12 +204,13 @@ class SlewProblem:
     def rigid_time(self) -> float:
         """Time scale, s: the least time of the rigid body with the plant's inertia for the angle, or for the speed.
 
-        Without inertia it is a time constant of the plant; an initial vibration takes at least a fraction of its period.
+        Without inertia it is a fraction of the slowest time constant; an initial vibration takes at least one of its period.
         If neither start nor target is an equilibrium, more time may be infeasible: the estimate is then low.
         """
         first, own = self.parts[0]
         if first.inertia is None:
-            return 1.0 / float(np.linalg.norm(first.A, 2))
+            slowest = _START_FRACTION / first.slowest if self.waits else 0.0
+            return slowest or 1.0 / float(np.linalg.norm(first.A, 2))
         start, end = self.start[own], self.target[own]
         turn, change = self.turn, abs(float(first.rows["speed"] @ (end - start)))
         torque = self.limits.torque / first.inertia

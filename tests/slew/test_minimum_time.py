@@ -317,7 +317,7 @@ def test_minimum_time_between_moving_states_matches_closed_form(turn):
     assert slew.duration == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("factor", [1e-7, 1e-5, 1e-3, 0.3, 3.0])
+@pytest.mark.parametrize("factor", [1e-3, 0.3, 3.0])
 def test_search_on_a_grid_from_a_guess_far_below_the_time(factor):
     problem = slew_problem(two_masses(), 1.0, Limits(1.0))
     exact = two_masses_exact()[0]

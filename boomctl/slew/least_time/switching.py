@@ -151,9 +151,6 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
         if not np.isfinite(G).all() or not np.isfinite(d).all() or scale.min() == 0.0:
             return None
         result = least_sum(G / scale[:, None], d / scale, weights)
-        if result is None and not peaks and intervals == _GRIDS[0] and logarithms[-1] < math.log(guess) + _FAR:
-            logarithms[-1] += longest  # far too short
-            continue
         if result is None:
             return None
         y, weights = result
