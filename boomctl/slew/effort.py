@@ -20,9 +20,6 @@ from boomctl.slew.torque import TorqueProfile, held
 _TURNS = 20  # Gauss-Newton iterations at most
 _STATIONARY = 1e-6  # change of the torques over their limit at convergence: it changes the effort by its square
 _EXCHANGES = 100  # exchanges of the active set at most; 3 to 12 are usual
-# Exchanges of all nodes without fewer wrong ones, after which nodes are exchanged one at a time.  Where a limit is active
-# along an arc, the active nodes double in each exchange: 6 exchanges are enough for 100 nodes.
-_PATIENCE = 6
 _CHORDS = 6  # corrections with the derivatives of coarser steps at most; one or none is usual
 _CLOSED = 1e-3  # residual of the scaled terminal conditions at which they end, as a fraction of the tolerance
 
@@ -47,10 +44,9 @@ class _Local:
     def solve(self, limit: float | Array, met: Array) -> tuple[Clipped, Array] | None:
         """Return the torques and the active set of limits: 1 above, -1 below, 0 where inactive, r x (N - 1).
 
-        Local maxima above a limit enter the active set, nodes whose multiplier has the wrong sign leave it: all at once,
-        or one at a time if that cycles (Judice and Pires 1994). None if this does not converge, or not to the target.
+        Local maxima above a limit enter the active set, nodes whose multiplier has the wrong sign leave it, all at once.
+        None if this does not converge, or not to the target.
         """
-        fewest, patience = np.inf, _PATIENCE
         for _ in range(_EXCHANGES):
             at = np.nonzero(met)
             rows, wanted = self.P[at], met[at] * self.most[at[0]] - self.rest[at]
@@ -64,14 +60,8 @@ class _Local:
             peak = (size[:, 1:-1] >= size[:, :-2]) & (size[:, 1:-1] > size[:, 2:])
             following = np.where(peak & (size[:, 1:-1] > self.most[:, None] * (1.0 + SUMMED)), np.sign(values), met)
             following[at] = np.where(met[at] * result.weights[self.G.shape[0] :] <= 0.0, met[at], 0.0)
-            changes = np.argwhere(following != met)
-            if not len(changes):
+            if np.array_equal(following, met):
                 return result, met
-            fewest, patience = (len(changes), _PATIENCE) if len(changes) < fewest else (fewest, patience - 1)
-            if patience < 0:
-                last = tuple(changes[-1])
-                following, met = met.copy(), following
-                following[last] = met[last]
             met = following
         return None
 
