@@ -45,34 +45,6 @@ class Along:
     moved: Array
 
 
-@dataclass(frozen=True, eq=False)
-class Tuning:
-    """Checked weights of regulator and observer.
-
-    Attributes
-    ----------
-    limit : float
-        Largest torque [N m].
-    tracking_weight : float
-        Weight of the deviations relative to the torque weight.
-    integral_time : float or None
-        Time constant of the estimate of a constant disturbance torque [s]; None without it.
-    noise : ndarray, p, or None
-        Standard deviations of the measurements; None if all states are measured exactly.
-    disturbance : float
-        Standard deviation of a disturbance torque, held between samples [N m].
-    stiffness_uncertainty : float
-        Relative uncertainty of the stiffness.
-    """
-
-    limit: float
-    tracking_weight: float
-    integral_time: float | None
-    noise: Array | None
-    disturbance: float
-    stiffness_uncertainty: float
-
-
 def linearized_along(modes: MachineModes, measured: list[int], states: Array, torques: Array, step: float) -> Along:
     """Linearize a machine along a plan.
 
@@ -123,10 +95,13 @@ def weights(along: Along, rows: Array, states: Array) -> Array:
     return total
 
 
-def regulator(along: Along, Q: Array, tuning: Tuning, step: float) -> Array:
-    """Return the gains K of ``u = K z`` at all samples, (k + 1) x n, by Riccati's recursion from the rest at the end."""
-    R, n = step / tuning.limit**2, along.b.shape[1]
-    W = step * tuning.tracking_weight * Q
+def regulator(along: Along, Q: Array, limit: float, step: float) -> Array:
+    """Return the gains K of ``u = K z`` at all samples, (k + 1) x n, by Riccati's recursion from the rest at the end.
+
+    Q weighs deviations, the torque counts over its limit [N m].
+    """
+    R, n = step / limit**2, along.b.shape[1]
+    W = step * Q
     P = _stationary(along.A[-1], along.b[-1][:, None], W, np.array([[R]]))
     gains = np.empty((len(along.A), n))
     for k in range(len(gains) - 1, -1, -1):
@@ -138,15 +113,24 @@ def regulator(along: Along, Q: Array, tuning: Tuning, step: float) -> Array:
     return gains
 
 
-def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, step: float) -> Array:
+def observer(
+    modes: MachineModes,
+    along: Along,
+    states: Array,
+    noise: Array | None,
+    disturbance: float,
+    integral_time: float | None,
+    stiffness_uncertainty: float,
+    step: float,
+) -> Array:
     """Return the gains F from innovations to deviations and disturbance torque, (k + 1) x (n + 1) x p.
 
-    Measured states are taken as exact; the torque is then estimated from the innovation of the rigid rotation, which does
-    not depend on the stiffness. For other measurements both are estimated by a Kalman filter.
+    Measured states, without noise, are taken as exact; the torque is then estimated from the innovation of the rigid
+    rotation, which does not depend on the stiffness. For other measurements both are estimated by a Kalman filter.
     """
     count, n = along.b.shape
-    slow = 0.0 if tuning.integral_time is None else 1.0 / tuning.integral_time
-    if tuning.noise is None:
+    slow = 0.0 if integral_time is None else 1.0 / integral_time
+    if noise is None:
         gains = np.zeros((count, n + 1, along.C.shape[1]))
         gains[:, :n] = np.linalg.pinv(along.C)
         # the rigid rotation is the first mode: its rate follows the coordinates
@@ -155,17 +139,17 @@ def observer(modes: MachineModes, along: Along, states: Array, tuning: Tuning, s
     half = n // 2
     omega = modes.omega[along.moved[: len(modes.omega)]]
     largest = np.abs(states[:, : len(modes.omega)]).max(axis=0)[along.moved[: len(modes.omega)]]
-    wrong = tuning.stiffness_uncertainty * omega**2 * largest  # acceleration errors due to the stiffness error
+    wrong = stiffness_uncertainty * omega**2 * largest  # acceleration errors due to the stiffness error
     model = np.zeros((n + 1, n + 1))
     turning = np.arange(half + 1, n)
     model[turning, turning] = step * wrong[1:] ** 2 / omega[1:]
-    drift = (tuning.disturbance * step * slow) ** 2
-    R = np.diag(tuning.noise**2)
+    drift = (disturbance * step * slow) ** 2
+    R = np.diag(noise**2)
 
     def whole(k: int) -> tuple[Array, Array, Array]:
         A, C = np.eye(n + 1), np.column_stack([along.C[k], along.D[k]])
         A[:n, :n], A[:n, n] = along.A[k], along.b[k]
-        Q = model + tuning.disturbance**2 * np.outer(np.append(along.b[k], 0.0), np.append(along.b[k], 0.0))
+        Q = model + disturbance**2 * np.outer(np.append(along.b[k], 0.0), np.append(along.b[k], 0.0))
         Q[n, n] = drift
         return A, C, Q
 

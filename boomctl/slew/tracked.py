@@ -31,7 +31,6 @@ from boomctl.simulation.result import LoopResult
 from boomctl.simulation.signals import Levels, per_signal
 from boomctl.simulation.time_varying import TimeVaryingController
 from boomctl.slew.feedback import (
-    Tuning,
     controller_along,
     linearized_along,
     observer,
@@ -420,17 +419,15 @@ def tracked_slew(
     along = linearized_along(
         modes, [modes.output_labels.index(name) for name in wanted], states[: count + 1], torques[:count], step
     )
-    tuning = Tuning(
-        limit=limit,
-        tracking_weight=within("tracking_weight", tracking_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT),
-        integral_time=None if integral_time is None else positive("integral_time", integral_time),
-        noise=None if measurements is None else level,
-        disturbance=positive("disturbance", _DISTURBED * limit if disturbance is None else disturbance),
-        stiffness_uncertainty=within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0),
-    )
+    weight = within("tracking_weight", tracking_weight, _LEAST_WEIGHT, 1.0 / _LEAST_WEIGHT)
+    lasting = None if integral_time is None else positive("integral_time", integral_time)
+    pushed = positive("disturbance", _DISTURBED * limit if disturbance is None else disturbance)
+    uncertain = within("stiffness_uncertainty", stiffness_uncertainty, 0.0, 1.0)
+    measured = None if measurements is None else level
     with np.errstate(all="ignore"):  # overflow is reported below
-        K = regulator(along, weights(along, linear.C[[0, 2]] @ modes.to_state, states[: count + 1]), tuning, step)
-        F = observer(modes, along, states[: count + 1], tuning, step)
+        Q = weight * weights(along, linear.C[[0, 2]] @ modes.to_state, states[: count + 1])
+        K = regulator(along, Q, limit, step)
+        F = observer(modes, along, states[: count + 1], measured, pushed, lasting, uncertain, step)
     if not (np.isfinite(K).all() and np.isfinite(F).all()):
         raise ValueError(
             "noise, disturbance, tracking_weight: there are no gains for these; expected numbers nearer to each other"
