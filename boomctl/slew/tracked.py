@@ -172,7 +172,8 @@ class TrackedSlew:
         ['0.534 m', '0.045 m']
         """
         true = self.plant if plant is None else instance("plant", plant, Machine, "a hub-beam")
-        controller = self.controller
+        controller, pushes = self.controller, {} if disturbance is None else disturbance
+        mapping("disturbance", pushes, "inputs to numbers or arrays")
         if not truth("feedback", feedback):
             controller = replace(controller, C=0.0 * controller.C, D=0.0 * controller.D)
         return simulate_loop(
@@ -181,7 +182,7 @@ class TrackedSlew:
             ),
             controller,
             self.time,
-            self._disturbances(disturbance),
+            {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in pushes.items()},
             sample_time=controller.dt,
             delay=delay,
             control_limit=self.torque_limit,
@@ -357,12 +358,6 @@ class TrackedSlew:
                 f"settling_time = {wait:g}: expected at most {self.time[-1] - self.duration:g} s, where the motion ends"
             )
         return result
-
-    def _disturbances(self, disturbance: Mapping[str, ArrayLike] | None) -> dict[str, Array] | None:
-        if disturbance is None:
-            return None
-        rows = mapping("disturbance", disturbance, "inputs to numbers or arrays")
-        return {name: np.broadcast_to(row, self.time.shape) if np.ndim(row) == 0 else row for name, row in rows.items()}
 
 
 def tracked_slew(

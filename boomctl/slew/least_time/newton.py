@@ -66,9 +66,7 @@ class _Arcs:
         d, k = self.durations, int(np.argmin(self.durations))
         if k == 0:
             return replace(self, durations=d[1:], sign=-self.sign)
-        if k == d.size - 1:
-            return replace(self, durations=d[:-1])
-        return replace(self, durations=np.concatenate([d[: k - 1], [d[k - 1] + d[k + 1]], d[k + 2 :]]))
+        return replace(self, durations=np.concatenate([d[: k - 1], [d[k - 1 : k + 2 : 2].sum()], d[k + 2 :]]))
 
 
 def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candidate | None, tuple[str, ...]]:
