@@ -454,15 +454,6 @@ def test_days_that_differ_make_the_interval_as_wide_as_they_do():
     assert [f"measured, data set {k + 1}" in labels for k in range(4)] == [True] * 4
 
 
-@pytest.mark.parametrize("wrong", [0.0, 0.02])
-def test_fit_datasets_reveal_model_error(wrong):
-    rng = np.random.default_rng(2)
-    days = [day(rng, 900.0, wrong) for _ in range(4)]
-    found = bc.fit(dense, days, ["k1", "k3", "c"], {**CHAIN, "c": 4e-3}, n_starts=1)
-    share = 0.5 * wrong**2 / (0.5 * wrong**2 + 2.0 * 0.01**2)
-    assert abs(1.0 - found.certificate.residual_ratio**-2 - share) < 0.1
-
-
 def test_fit_pairs_modes_per_dataset():
     exact = frequencies(CHAIN)
     found = bc.fit(frequencies, [exact * 1.001, exact[:2], exact * 0.999], ["k1", "k2", "k3"], CHAIN, n_starts=1)
