@@ -83,6 +83,7 @@ lower_lft(static(np.array([[1.0, 1.0], [1.0, 0.5]])), static(2.0 * ONE)) -> not 
 continuous_image(Lti(-ONE, ONE, ONE, 0.0 * ONE, dt=0.1)) -> pole at z = -1
 discrete_image(Lti(20.0 * ONE, ONE, ONE, 0.0 * ONE), 0.1) -> pole at 2/dt = 20 rad/s
 bc.hinf_norm(control.tf([1.0, 0.0, 0.0], [1.0, 1.0])) -> proper
+bc.hinf_norm(control.ss(-ONE, [[1.0, 1.0]], ONE, [[0.0, 0.0]], inputs=["u", "u"])) -> own for each of 2 inputs, got 1: u
 """
 
 
