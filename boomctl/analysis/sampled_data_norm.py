@@ -47,6 +47,8 @@ _DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate 
 _SLOWEST = 1e-9
 _LOWEST = 0.1  # The search begins at this fraction of half the sampling rate, or below if a pole is slower.
 _ABOVE = 4e-6  # Relative distance of the level from the gain reached: below CERTIFIED.
+# Further distances if the gain is reached only with more parts; such bounds are not verified.
+_FAR_ABOVE = (3e-5, 1e-4, 1e-3)
 _MOVES = 4  # Largest number of frequencies at which a peak of the level's loop is followed.
 _CONVERGED = 1e-6  # The number of parts is increased until the gain changes by less, relative.
 _PARTS = (4, 16, 64, 192)  # Numbers of parts of a sample: the error falls with their fourth power.
@@ -281,19 +283,21 @@ class SampledLoop:
         low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
         grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
         lower, omega, lifted = 0.0, 0.0, cache(self.lifted)
-        for parts in _PARTS[:2]:
-            _, at = highest_peak(partial(_gain, *lifted(parts)), grid)
-            for _ in range(_MOVES):
-                lower, omega = max((lower, omega), (_reached(lifted, at), at))
-                if lower == 0.0:
-                    return NormBounds(0.0, 0.0, 0.0, "zero response", verified=True)
-                level = lower * (1.0 + _ABOVE)
-                norm = self.of_level(level)
-                if norm.upper_bound < 1.0:
-                    return NormBounds(lower, level, omega, LIFTED, verified=norm.verified)
-                if not np.isfinite(norm.lower_bound):
-                    break
-                at = norm.peak_omega
+        _, at = highest_peak(partial(_gain, *lifted(_PARTS[0])), grid)
+        for _ in range(_MOVES):
+            lower, omega = max((lower, omega), (_reached(lifted, at), at))
+            if lower == 0.0:
+                return NormBounds(0.0, 0.0, 0.0, "zero response", verified=True)
+            level = lower * (1.0 + _ABOVE)
+            norm = self.of_level(level)
+            if norm.upper_bound < 1.0:
+                return NormBounds(lower, level, omega, LIFTED, verified=norm.verified)
+            if not np.isfinite(norm.lower_bound):
+                break
+            at = norm.peak_omega
+        for above in _FAR_ABOVE:
+            if self.of_level(lower * (1.0 + above)).upper_bound < 1.0:
+                return NormBounds(lower, lower * (1.0 + above), omega, LIFTED)
         return NormBounds(lower, inf, omega, NOT_PROVED)
 
     def lifted(self, parts: int) -> tuple[Lti, Array]:
