@@ -233,11 +233,7 @@ def _unexcluded_frequency(modes: _Modes) -> Array | None:
 
 def _breaks(modes: _Modes) -> Array:
     """Return the ends of frequency intervals, from zero, over which no resonance changes much."""
-    own_E, own_A = modes.own
-    drift = np.einsum("i,ik->k", modes.size[: modes.exact], np.abs(1j * modes.poles.imag * own_E - own_A))
-    width = np.abs(modes.poles.real)
-    offsets = np.sign(_WIDTHS) * drift[:, None] + width[:, None] * _WIDTHS
-    ends = (modes.poles.imag[:, None] + offsets).ravel()
+    ends = (modes.poles.imag[:, None] + np.abs(modes.poles.real)[:, None] * _WIDTHS).ravel()
     top = TOP * float(np.abs(modes.poles).max())
     ends = np.sort(ends[(ends > 0.0) & (ends < top)])
     return np.concatenate([[0.0], ends, [top]])
