@@ -53,6 +53,7 @@ def test_evaluation_report_stores_numbers_and_words(result):
     assert json.loads(json.dumps(plain(report.results)))["synthesis"] == result.words
     assert set(report.files) == set(result.controller_files())
     assert escape(result.verdict) in report.html
+    assert "boomctl.read_controller reads the JSON file" in report.html
 
 
 def test_findings_become_words_numbers_and_tables():

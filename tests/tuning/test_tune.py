@@ -259,6 +259,8 @@ def test_reason_of_a_zero_bound_names_the_relaxation():
     assert found[1].startswith(
         "none: full-order synthesis of a relaxed problem reaches zero; measurements: rates in place"
     )
+    below = lower_bound([partition(lag(), 1, 1)], [(0.5, 0, T.objective())], 20.0)  # the least norm is 0.7071
+    assert below == (0.0, "none: the bound was made by rounding")
 
 
 def test_max_gain_of_unstable_controller_is_its_response_peak():
@@ -441,7 +443,8 @@ tuned(oscillator, DAMPER + WIDER, 0, 0) -> twice
 tuned(structure=T.gain() + DAMPER) -> function
 tuned(weighed, T.gain() + T.plant_parameter("m", 0.1, 1.0), family=family()) -> parameter of the family
 tuned(control.ss(1.0, [[1.0, 0.0]], [[1.0], [1.0]], 0.0)) -> SynthesisError: not stabilizable
-tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0)) -> SynthesisError: no controller of this structure
+tuned(control.ss(INTEGRATORS, np.eye(2), [[1.0, 0.0], [1.0, 0.0]], 0.0))
+    -> SynthesisError: no controller of this structure.*; smallest spectral abscissa reached: 0 rad/s
 tuned(channels=[T.constraint("w", "zu", 0.1), T.constraint("w", "z", 0.2)])
     -> SynthesisError: no controller found meets all limits
 tuned(lag(-1.0), max_gain=0.5) -> SynthesisError: ^no controller found satisfies max_gain = 0\.5: it reaches 1\.0000
