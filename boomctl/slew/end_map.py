@@ -66,11 +66,6 @@ class Sensitivity:
         """Time that a unit of torque saves in a unit of time, K."""
         return -(self.multipliers @ self.by_torque) / self.steps.h
 
-    @property
-    def wrong_sign(self) -> float:
-        """Predicted time saved by reversing the torque where its sign differs from the switching function's, s."""
-        return 2.0 * float(np.sum(np.maximum((self.multipliers @ self.by_torque) * self.steps.u, 0.0)))
-
 
 def _parts(function: ca.Function, count: int) -> Iterator[slice]:
     """Divide steps into parts of about a tenth of a second; the deadline is checked between them."""

@@ -42,11 +42,6 @@ class LinearFlow:
         h = duration / intervals
         return self.carried(self.step(h)[1], h, intervals)[:, ::-1]
 
-    def motion(self, start: Array, duration: float, torques: Array) -> Array:
-        """Return the states, (N + 1) x n, at the nodes of N equal intervals on which torques are held."""
-        Phi, push = self.step(duration / torques.size)
-        return recursion(Phi, push[:, None] * torques, start).T
-
 
 def flow(problem: SlewProblem) -> LinearFlow:
     """Return the linear part of all plants of a problem."""
@@ -158,7 +153,8 @@ class Guess:
 def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:
     """Sample a torque and the linear motion under it on a mesh."""
     means = history.interval_means(np.linspace(0.0, history.duration, intervals + 1))
-    states = flow(problem).motion(problem.start, history.duration, means)
+    Phi, push = flow(problem).step(history.duration / intervals)
+    states = recursion(Phi, push[:, None] * means, problem.start).T
     if ramp:
         means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
     return Guess(history.duration, means, states)

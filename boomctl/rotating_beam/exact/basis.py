@@ -87,7 +87,8 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
     StrainBasis
         One span, or two if a tip mass sits inside the beam.
     """
-    ends = _span_ends(parameters)
+    inside = parameters.tip_mass > 0.0 and 0.0 < parameters._mass_position < parameters.length
+    ends = np.array([0.0, *([parameters._mass_position] if inside else []), parameters.length])
     nodes, weights = leggauss(modes + EXTRA_NODES)
     halves = 0.5 * np.diff(ends)
     rotation, stretch = _strain_rows(halves, nodes, modes)
@@ -111,12 +112,6 @@ def strain_basis(parameters: HubBeamParameters, modes: int) -> StrainBasis:
         hub_inertia=float(parameters.hub_inertia),
         length=float(parameters.length),
     )
-
-
-def _span_ends(parameters: HubBeamParameters) -> Array:
-    """Return the ends of the spans [m]; one of them is at the tip mass, if any."""
-    inside = parameters.tip_mass > 0.0 and 0.0 < parameters._mass_position < parameters.length
-    return np.array([0.0, *([parameters._mass_position] if inside else []), parameters.length])
 
 
 def _strain_rows(halves: Array, nodes: Array, modes: int) -> tuple[Array, Array]:

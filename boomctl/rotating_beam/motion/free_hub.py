@@ -224,7 +224,10 @@ def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTr
     for state, item in zip(states, scene.start, strict=True):
         state[1:] = np.linalg.solve(form.to_q, item[1:])
         state[0] = (item[0] - form.lean @ state[1:]) * np.sqrt(form.inertia)
-    steps = _steps(corners)
+    # if breakpoints are equally spaced, long windows whose steps end at all of them
+    count = corners.size if _even(corners) == corners.size else 1
+    within, rest = divmod(count, -(-count // _MOST_STEPS))
+    steps = STEPS if rest else within * max(1, STEPS // within)
     length = _FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * steps / np.sqrt(form.softest)
     for attempt in range(_ATTEMPTS):
         run = _Run(form, scene, corners, _LOCAL * _TIGHTER**attempt, steps, np.stack([states, states]), length)
@@ -243,13 +246,6 @@ def _even(corners: Array) -> int:
     """Return the number of breakpoints [s] that are equally spaced from 0 on, to rounding error."""
     uneven = np.abs(corners - corners[0] * np.arange(1, corners.size + 1)) > ALIKE * corners[0]
     return int(np.argmax(uneven)) if uneven.any() else corners.size
-
-
-def _steps(corners: Array) -> int:
-    """Return the steps of a window: if breakpoints are equally spaced, long windows whose steps end at all of them."""
-    count = corners.size if _even(corners) == corners.size else 1
-    within, rest = divmod(count, -(-count // _MOST_STEPS))
-    return STEPS if rest else within * max(1, STEPS // within)
 
 
 def _weights(form: FreeHubForm, modes: FreeModes, run: _Run) -> _Weights:

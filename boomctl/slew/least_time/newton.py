@@ -183,7 +183,8 @@ def _newton(ends: EndMap, arcs: _Arcs, counts: Array) -> _Arcs | None:
         before, size = size, float(np.abs(normal + tangential).max() / total)
         flat = predicted < _FLAT * total
         if flat and np.abs(normal).max() < _SETTLED * total:
-            return replace(arcs, predicted=predicted, wrong=reached.wrong_sign / total)
+            wrong = np.maximum((reached.multipliers @ reached.by_torque) * reached.steps.u, 0.0)
+            return replace(arcs, predicted=predicted, wrong=2.0 * float(np.sum(wrong)) / total)
         d = _moved(arcs.durations, normal)
         arcs = replace(arcs, durations=d if flat else _moved(d, tangential))
         if arcs.durations.min() < _shortest(ends, arcs.durations):
