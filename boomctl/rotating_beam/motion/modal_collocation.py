@@ -23,15 +23,15 @@ from boomctl.rotating_beam.motion.trajectory import SMOOTH, Vibrations
 
 STAGES = 8  # Nodes of a step: forces of degree 7 over nearly a period of the lowest mode.
 _LOW_TERMS = 6  # Legendre terms of the forces below the two highest, whose effect is the error estimate.
-_SWEEPS = 10  # Most sweeps for the forces before a linear system is solved.
+_PASSES = 10  # Most sweeps for the forces before a linear system is solved.
 _FIRST_CHECK = 4  # Sweep after which convergence is first checked; an earlier check costs more than it saves.
 _SETTLED = 1e-11  # Relative change of the forces at which sweeps stop; the remaining error is a tenth of it.
 # Squared angle that scales a slow mode's response to a term of degree 8 in a step: 4 (2 8 - 1)(2 8 + 1), less.
-_AFTER = 1000.0
+_TERM_SCALE = 1000.0
 # Angle in a step up to which polynomials resolve a vibration, so that its highest terms show the error.
 _FOLLOWED = 12.0
 _FRACTION = 0.25  # Fraction of the forces of unresolved vibrations that moves a displacement; 1/6 in random motions.
-_LEVELS = 6  # Levels of halved steps before plain collocation takes over: 32 times as many steps as at first.
+_REFINED = 6  # Levels of halved steps before plain collocation takes over: 32 times as many steps as at first.
 
 
 @final
@@ -89,7 +89,7 @@ class ModalTrajectory:
         terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[_LOW_TERMS - 2 :].T)
         before, last = terms[..., 0] + terms[..., 1], terms[..., 2] + terms[..., 3]
         after = last * last / np.maximum(np.maximum(before, last), np.finfo(float).tiny)
-        inside = float((weights * after / (omega * omega + _AFTER / (h * h))).sum(axis=1).max())
+        inside = float((weights * after / (omega * omega + _TERM_SCALE / (h * h))).sum(axis=1).max())
         fast = omega * h > _FOLLOWED
         if not fast.any():
             return inside
@@ -125,7 +125,7 @@ def modal_refine(
         Motion, and error of the free end's displacement, m. None instead of both if the tolerance is not reached.
     """
     n, rows = form.push.size, accuracy.rows[0] @ form.to_q
-    for _ in range(_LEVELS):
+    for _ in range(_REFINED):
         trajectory = modal_march(form, maneuver, edges, start)
         allowed = accuracy.atol + accuracy.rtol * float(np.abs(trajectory.x @ rows.T).max())
         error = float(np.abs(trajectory.error[:, :n] @ rows.T).max())
@@ -278,7 +278,7 @@ def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> 
         return result
 
     force = forces(free)
-    for sweep in range(1, _SWEEPS):
+    for sweep in range(1, _PASSES):
         before, z = force, to_nodes @ force
         z += free
         force = forces(z)
