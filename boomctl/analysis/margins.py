@@ -62,6 +62,7 @@ _REAL = 1e-3
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
+_TOUCHING = 1e-6  # Largest distance from one of a gain that touches one without crossing it.
 _ACTIVE = 24  # Number of frequencies, those of the largest singular values, at which the first scaling is optimized.
 _ROUNDS = 12  # Largest number of added frequencies; two or three are typical.
 _SWEEPS = 50  # Sweeps over rows and columns to balance them, as the initial value of an optimization.
@@ -580,7 +581,7 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
 
 
 def _unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
-    """Return the frequencies [rad/s] at which the modulus of the loop's response crosses one, DC included.
+    """Return the frequencies [rad/s] at which the modulus of the loop's response crosses or touches one, DC included.
 
     ``S`` is the sensitivity of a stable loop of one signal in continuous time; ``respond`` may be more accurate than its
     matrices.
@@ -589,7 +590,10 @@ def _unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
     def height(omega: Array) -> Array:
         return respond(omega).real - 0.5
 
-    omega = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height)
+    def touches(omega: Array) -> Array:
+        return np.abs(height(omega)) <= _TOUCHING * np.abs(respond(omega)) ** 2
+
+    omega = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height, touches)
     # With a gain of one at DC or at infinite frequency, crossings near it are due to rounding error.
     at_rest = abs(height(np.zeros(1))[0]) <= ALIKE
     if at_rest:
@@ -612,14 +616,17 @@ def _axis_zeros(S: Lti, sign: float, D: float) -> Array:
     return unit * zeros[np.abs(zeros) <= _FASTEST]
 
 
-def _crossings(zeros: Array, height: Callable[[Array], Array]) -> Array:
-    """Return the frequencies of zeros near the axis at which a height changes its sign."""
+def _crossings(
+    zeros: Array, height: Callable[[Array], Array], touches: Callable[[Array], Array] | None = None
+) -> Array:
+    """Return the frequencies of zeros near the axis at which a height changes its sign, or touches zero."""
     omega = zeros[np.abs(zeros.real) <= _OFF_AXIS * np.abs(zeros.imag)].imag
     omega = np.unique(omega[omega > 0.0])
     if not len(omega):
         return omega
     values = height(np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]]))
-    return omega[values[1:] * values[:-1] < 0.0]
+    crossed = values[1:] * values[:-1] < 0.0
+    return omega[crossed if touches is None else crossed | touches(omega)]
 
 
 def _further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tuple[float, float]:

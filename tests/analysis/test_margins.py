@@ -91,6 +91,14 @@ def test_a_gain_of_one_at_rest_alone_bears_any_delay(order, decade, spread):
     assert (found.phase_margin_deg, found.phase_margin_omega) == (180.0, 0.0)
 
 
+@pytest.mark.parametrize(("damping", "omega"), [(1.0, 1.0), (0.3, 1.0), (0.1, 7.0)])
+def test_gain_that_touches_one_limits_phase(damping, omega):
+    """A band-pass filter has a gain of one and no phase at its center alone."""
+    rate = 2.0 * damping * omega
+    found = opened(control.ss(control.tf([rate, 0.0], [1.0, rate, omega**2]), inputs="u", outputs="y"), 1.0)
+    assert (found.phase_margin_deg, found.phase_margin_omega) == pytest.approx((180.0, omega), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("gain", "phase", "delay"), [(-0.5, np.inf, np.inf), (0.5, np.inf, np.inf), (1.0, 180.0, 0.0), (2.0, np.inf, 0.0)]
 )
