@@ -31,6 +31,8 @@ _DAMPING, _LEAST, _LARGEST = (
     1e-9,
     1e9,
 )  # damping of a step in natural sizes: initial, smallest, largest
+# smallest next damping after a step to unstable loops, over the curvature along it: shortens the step to a quarter
+_SHORTER = 3.0
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
 _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
@@ -89,7 +91,8 @@ class Polish:
                 if more:
                     requested |= more
                     functions = self._point.active_functions(WINDOW, requested, _BETWEEN)
-                self._damping = min((2.0 if more else 6.0) * self._damping, _LARGEST)
+                shorter = 0.0 if isfinite(result) else _SHORTER * float(d @ self._H @ d) / float(d @ (self._sizes * d))
+                self._damping = min(max((2.0 if more else 6.0) * self._damping, shorter), _LARGEST)
             else:
                 return Ended(self._point.x, value, k)
             self._point, value = there, result
