@@ -1,16 +1,21 @@
-"""Plants of a published collection through the public functions: certified and checked apart, refused, or uncertified.
+"""Plants of published collections through the public functions: certified and checked apart, refused, or uncertified.
 
 CAREX (Benner, Laub & Mehrmann 1995) comes with ``ctrlsys``, without the examples that need data files of their own.
+The plants of ``controlgym`` (mostly of COMPleib) are read without importing it, as that would bring torch:
+``pip install --no-deps controlgym``; without it they are skipped.
 """
 
+import importlib.util
 import sys
 import warnings
 from dataclasses import dataclass
+from pathlib import Path
 
 import control
 import numpy as np
 import pytest
 from flint import fmpq_mat
+from scipy import io
 
 import boomctl as bc
 from boomctl.exceptions import ReductionError, SynthesisError
@@ -80,6 +85,29 @@ def carex(group, number):
     _, n, m, p, a, b, c, r, *_ = asked(np.array([0, 1, 1, 0, 1, 1], bool))  # factors B, R and C
     q = asked(np.array([0, 1, 1, 1, 1, 1], bool))[8]
     return weighed(a[:n, :n], b[:n, :m], c[:p, :n], q[:n, :n], r[:m, :m])
+
+
+def gym_folder():
+    found = importlib.util.find_spec("controlgym")
+    return Path(found.origin).parent / "envs" / "linear_control_src" if found and found.origin else None
+
+
+def gym_names():
+    folder = gym_folder()
+    return sorted(path.stem for path in folder.glob("*.mat")) if folder else []
+
+
+def gym(name):
+    d = {
+        key: np.asarray(value, float) for key, value in io.loadmat(gym_folder() / f"{name}.mat").items() if key in KEYS
+    }
+    Q, R = d["C1"].T @ d["C1"], d["D12"].T @ d["D12"]
+    return Plant(C2=d.pop("C"), Q=Q, R=R, **d)
+
+
+KEYS = ("A", "B1", "B2", "C", "C1", "D11", "D12", "D21")
+MAKERS = {"carex": carex, "gym": gym}
+CASES = [("carex", case) for case in CAREX] + [("gym", (name,)) for name in gym_names()]
 
 
 def two_signals(system):
@@ -204,12 +232,12 @@ def asked_of(plant):
     return [name for name in names if name != "margins" or len(plant.A) <= LOOPS]
 
 
-TRIED = CAREX if is_hunt() else CAREX[::2]  # every second in the full profile, a choice
+TRIED = CASES if is_hunt() else CASES[::2]  # every second in the full profile, a choice
 
 
-@pytest.mark.parametrize("case", TRIED, ids=[".".join(map(str, case)) for case in TRIED])
-def test_published_plant_is_certified_or_refused_in_time(case):
-    plant = carex(*case)
+@pytest.mark.parametrize(("name", "case"), TRIED, ids=[f"{name}-{'.'.join(map(str, case))}" for name, case in TRIED])
+def test_published_plant_is_certified_or_refused_in_time(name, case):
+    plant = MAKERS[name](*case)
     for function in asked_of(plant):
         with in_time(LARGE_LIMIT if len(plant.A) >= LARGE_FROM else LIMIT):
             assert outcome(function, plant) in ("certified", "uncertified", "refused"), function

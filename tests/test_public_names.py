@@ -7,6 +7,7 @@
 
 import difflib
 import inspect
+import re
 from pathlib import Path
 
 import boomctl
@@ -14,6 +15,13 @@ from boomctl import exceptions
 from tests.public import EXCEPTIONS, members, parameters, public
 
 STORED = Path(__file__).with_name("public_names.txt")
+_VAGUE = {"chance", "each", "path", "place", "share", "statement"}
+# names that end as participles and adverbs do: nouns, and adjectives that control theory and SciPy use
+_NOUNS = {"assembly", "damping", "family", "foreshortening", "seed", "spacing", "speed", "to_string", "warning"}
+_ADJECTIVES = {
+    "certified", "closely_spaced", "commanded", "completed", "converged", "decentralized", "elapsed", "error_std_estimated",
+    "fixed", "followed", "proved", "recovered", "reduced", "scaled", "verified",
+}  # fmt: skip
 
 
 def _lines():
@@ -41,6 +49,13 @@ def test_exceptions_and_warnings_have_common_bases():
     for name, value in EXCEPTIONS.items():
         bases = (exceptions.BoomctlWarning,) if name.endswith("Warning") else (exceptions.BoomctlError, RuntimeError)
         assert value is exceptions.BoomctlError or all(issubclass(value, base) for base in bases), name
+
+
+def test_names_are_nouns_and_verbs():
+    names = {line.partition("(")[0].rpartition(".")[2] for line in STORED.read_text().splitlines()}
+    assert not names & _VAGUE
+    ends = {name for name in map(str.lower, names) if re.search(r"(ed|ing|ly)$", name)}
+    assert {name for name in ends if not name.endswith(tuple(_NOUNS))} <= _ADJECTIVES
 
 
 if __name__ == "__main__":

@@ -200,6 +200,8 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
     infinite, hidden = at_boundary(original, bounded)
     if infinite is not None:
         return infinite
+    if hidden and len(system.A) <= EXACT_STATES:
+        return exact_norm(original, 0.0, 0.0)
     respond, dt = response or partial(system.response, quiet=True), system.dt
     modes, mapped = continuous_image_of_modes(partial_fractions(system), dt)
     error = bounded.error + mapped

@@ -1,4 +1,8 @@
-"""The plants of COMPleib that tuning is tested on: those the collection prints, from its own numbers."""
+"""The plants of COMPleib that tuning is tested on: those the collection prints, from its own numbers.
+
+Three plants are in data files of the collection that are not text.  They come from ``controlgym``, where it is installed,
+which numbers them anew and keeps four decimals of them.
+"""
 
 from functools import cache
 from pathlib import Path
@@ -9,21 +13,32 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.files import read_toml
 from boomctl.lti.python_control import control
+from tests.test_collections import gym, gym_names
 
 _FILE = Path(__file__).parent / "plants.toml"
 _ROD_POINTS = 130  # of the heat flow HF1, as in the collection
+# names in controlgym: a B767 aircraft at flutter, a binary distillation tower, a cable with a mass
+_RENUMBERED = {"AC10": "ac7", "BDT2": "bdt2", "CM3": "cm3"}
 
 # disturbances and controls to performance signals and measurements, numbers of measurements and controls
 BenchmarkPlant = tuple[control.StateSpace, int, int]
 
 
-def plant_names() -> tuple[str, ...]:
-    """Return the names of the plants."""
+def exact_names() -> tuple[str, ...]:
+    """Return the names of the plants whose numbers are those of the collection."""
     return (*_printed(), "HF1")
+
+
+def plant_names() -> tuple[str, ...]:
+    """Return the names of all plants that are there: those of controlgym where it is installed."""
+    return (*exact_names(), *(name for name, theirs in _RENUMBERED.items() if theirs in gym_names()))
 
 
 def plant(name: str) -> BenchmarkPlant:
     """Return a plant by its name in COMPleib."""
+    if name in _RENUMBERED:
+        found = gym(_RENUMBERED[name])
+        return found.generalized, len(found.C2), found.B2.shape[1]
     return _generalized(_rod() if name == "HF1" else _printed()[name])
 
 

@@ -2,14 +2,35 @@
 
 import numpy as np
 import pytest
+from scipy import io
 
 from boomctl.lab.benchmark.scenes.synthesis import published_plants
 from boomctl.progress import Deadline
 from boomctl.synthesis.plants.partition import partition
 from boomctl.tuning.full_order import full_order_bound
-from tests.tuning.compleib import plant
+from tests.test_collections import KEYS, gym_folder, gym_names
+from tests.tuning.compleib import exact_names, plant
 
+CUT = 1e-4  # four decimals are left in controlgym, of some numbers without rounding
 FULL_ORDER = {"HE4": 22.838}  # a published norm of a gain, which no controller of any order goes below
+
+
+@pytest.mark.skipif(not gym_names(), reason="controlgym is not installed")
+def test_numbers_are_those_of_controlgym_to_its_decimals():
+    """Eleven plants are in both: what was typed in here was rounded there."""
+    compared = []
+    for stem in gym_names():
+        found = io.loadmat(gym_folder() / f"{stem}.mat")
+        name = str(found["complib_id"][0]).upper()
+        if name not in exact_names():
+            continue
+        part = partition(*plant(name))
+        theirs = {key: np.asarray(found[key], float) for key in KEYS}
+        theirs["C2"] = theirs.pop("C")
+        for key, values in theirs.items():
+            assert np.abs(getattr(part, key) - values).max() < CUT, (name, key)
+        compared.append(name)
+    assert len(compared) == 11
 
 
 def test_the_rod_conducts_all_heat_in_the_end():
