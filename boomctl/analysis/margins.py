@@ -41,7 +41,7 @@ from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import BEYOND, DRAWN, EMPTY, SEARCHED, resonance_grid, singular_values, smooth_curve
 from boomctl.lti.modal import resolved, sides
-from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SUMMED
+from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SOLVED, SUMMED
 from boomctl.lti.sampled import sampled_plant
 from boomctl.lti.system import Lti, controller_of, of, signal_scales
 from boomctl.printing import listed, table_html, table_text
@@ -62,6 +62,7 @@ _REAL = 1e-3
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
+_FALSI_STEPS = 60  # Largest number of steps to a crossing; two to four are typical.
 _TOUCHING = 1e-6  # Largest distance from one of a gain that touches one without crossing it.
 _ACTIVE = 24  # Number of frequencies, those of the largest singular values, at which the first scaling is optimized.
 _ROUNDS = 12  # Largest number of added frequencies; two or three are typical.
@@ -553,7 +554,7 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
     def respond(omega: Array) -> Array:
         return S.response(omega_of_image(omega, dt), quiet=True)[0, 0]
 
-    omega = np.append(0.0, _crossings(_axis_zeros(image, 1.0, 0.0), lambda omega: respond(omega).imag))
+    omega = np.append(0.0, _crossings(_axis_zeros(image, 1.0, 0.0), lambda omega: respond(omega).imag)[0])
     with np.errstate(divide="ignore", invalid="ignore"):
         L = 1.0 - 1.0 / respond(omega)
         real = (np.abs(L.imag) < _REAL * np.abs(L)) & (L.real > _FAINTEST) & (L.real < 1.0 / _FAINTEST)
@@ -590,10 +591,9 @@ def _unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
     def height(omega: Array) -> Array:
         return respond(omega).real - 0.5
 
-    def touches(omega: Array) -> Array:
-        return np.abs(height(omega)) <= _TOUCHING * np.abs(respond(omega)) ** 2
-
-    omega = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height, touches)
+    crossed, others = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height)
+    touched = np.abs(height(others)) <= _TOUCHING * np.abs(respond(others)) ** 2 if len(others) else []
+    omega = np.append(crossed, others[touched])
     # With a gain of one at DC or at infinite frequency, crossings near it are due to rounding error.
     at_rest = abs(height(np.zeros(1))[0]) <= ALIKE
     if at_rest:
@@ -616,17 +616,30 @@ def _axis_zeros(S: Lti, sign: float, D: float) -> Array:
     return unit * zeros[np.abs(zeros) <= _FASTEST]
 
 
-def _crossings(
-    zeros: Array, height: Callable[[Array], Array], touches: Callable[[Array], Array] | None = None
-) -> Array:
-    """Return the frequencies of zeros near the axis at which a height changes its sign, or touches zero."""
+def _crossings(zeros: Array, height: Callable[[Array], Array]) -> tuple[Array, Array]:
+    """Return the frequencies near zeros at which a height changes its sign, and frequencies of zeros at which it does not.
+
+    A crossing is located in the response itself by regula falsi, between frequencies at which the signs differ.
+    """
     omega = zeros[np.abs(zeros.real) <= _OFF_AXIS * np.abs(zeros.imag)].imag
     omega = np.unique(omega[omega > 0.0])
     if not len(omega):
-        return omega
-    values = height(np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]]))
-    crossed = values[1:] * values[:-1] < 0.0
-    return omega[crossed if touches is None else crossed | touches(omega)]
+        return omega, omega
+    ends = np.concatenate([[0.5 * omega[0]], 0.5 * (omega[1:] + omega[:-1]), [2.0 * omega[-1]]])
+    values = height(ends)
+    changed = values[1:] * values[:-1] < 0.0
+    (a, b), (fa, fb) = ((x[:-1][changed], x[1:][changed]) for x in (ends, values))
+    new = result = omega[changed]
+    for _ in range(_FALSI_STEPS if len(new) else 0):
+        value = height(new)
+        same = np.sign(value) == np.sign(fb)
+        a, fa = np.where(same, a, b), np.where(same, 0.5 * fa, fb)  # Illinois: half the value of a retained end.
+        b, fb, result = new, value, new
+        with np.errstate(invalid="ignore", divide="ignore"):
+            new = np.where(fb == 0.0, b, b - fb * (b - a) / (fb - fa))
+        if (np.abs(new - result) <= SOLVED * result).all():
+            break
+    return new, omega[~changed]
 
 
 def _further_delay(plant: Lti, controller: Lti, delay: float, index: int) -> tuple[float, float]:

@@ -99,41 +99,42 @@ def fit(
         Function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or a user's function.  It
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or data of the measured kind:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
-        all of them once, ascending).  Parameters for which it raises ValueError or ArithmeticError are not searched.
+        the sorted union).  Parameters for which it raises ValueError or ArithmeticError are treated as infeasible.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
-        Eigenfrequencies [Hz], ascending without ``modes`` (damped, if the model's are); a complex frequency response;
+        Eigenfrequencies [Hz], ascending unless ``modes`` is given, damped if those of the model are; a complex frequency
+        response;
         singular values (magnitudes).  A `MeasuredFrequencyResponse` with phase is fitted as a complex response, one
-        without phase as singular values; ``data.kind`` of the result states the kind. A list of these: several data
-        sets of one kind, such as days.
+        without phase as singular values; ``data.kind`` of the result states the kind. A list of these: repeated
+        data sets of one kind.
     free : names, or mapping from names to (low, high) or None
-        Names of the parameters that are fitted. A range limits the search, and further starts are drawn from it. By default
-        all parameters of a family.
+        Names of the parameters that are fitted. A range bounds the search and the random starts. By default all parameters
+        of a family.
     initial : dataclass or mapping, optional
         Initial parameters, including fixed ones.  By default the midpoint of a family, or of the ranges.
     modes : sequence of int, optional
         Mode number of each eigenfrequency, from 1.  If None, each measured value is assigned to the nearest mode,
-        because the measurement may lack modes. The same for all data sets.
+        as modes may be missing in the data. The same for all data sets.
     weights : array_like, optional
-        Weight of each value: the inverse of the relative magnitude of its error. If None, from the standard deviation of a
+        Weight of each value, proportional to 1 / standard deviation of its error. If None, from the standard deviation of a
         response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
-        0 excludes a value.  The same for all data sets.  With relative errors, values of such a response whose standard
-        deviation exceeds 20 %, those of low coherence, are excluded by default, because their logarithms are biased.  This
-        leaves out deep antiresonances: fit parameters that only these determine with ``error_model="absolute"``.
+        0 excludes a value.  The same for all data sets.  With relative errors, values of such a response with a standard
+        deviation above 20 % (low coherence) are excluded by default, because their logarithms are biased.  That may exclude
+        deep antiresonances: fit parameters that only these determine with ``error_model="absolute"``.
     error_model : "relative" or "absolute"
         "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
     error_std : float, optional
-        Standard deviation of the errors of weight 1, if known; for complex values, of each part.  By default it is estimated
-        from the residuals.
+        Standard deviation of errors at weight 1, if known; of complex values, that of real and imaginary part each.  By
+        default it is estimated from the residuals.
     confidence_level : float
-        Confidence of the intervals, between 0.5 and 1.
+        Confidence level of the intervals, between 0.5 and 1.
     inputs, outputs : str or sequence of str, optional
         Measured inputs and outputs of the model.  By default the signals of the data, if the model has them, else the model's
         signals (platform actuators and tips for a boom).
     n_starts : int
-        Number of starts of the search; the first is ``initial``, the others are drawn.
+        Number of starts of the search; the first is ``initial``, the others are random.
     seed : int
-        Seed of the further starts, which are drawn at random.
+        Seed of the random starts.
     progress : callable, optional
         Called with a `Progress` at each start and each data set.
 
@@ -148,18 +149,18 @@ def fit(
     TypeError, ValueError
         If an argument is invalid, or the model raises an error at the start or returns another kind of data.
     ArithmeticError
-        If the model raises an error at all values near the fitted value of a parameter.
+        If the model cannot be evaluated near the fitted value of a parameter.
 
     Notes
     -----
     Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
-    ``uncertainty_source`` names the origin of the covariance: for several data sets their differences, so that the
-    intervals hold for the value in another data set; for a response the residuals with their correlation over
-    frequency. For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are
-    assumed independent and normal. Without data sets, their standard deviations are assumed in the ratio of the inverse
-    weights: relative errors that are fitted as absolute get intervals that are too narrow, and ``certificate.adequacy``
-    states that errors grow. An error of the model that all data sets have in common does not widen the intervals:
-    ``certificate.adequacy`` compares residuals with errors. Parameters that are not identifiable have an infinite
+    ``uncertainty_source`` names the origin of the covariance: for several data sets their scatter, so that the intervals
+    are prediction intervals for another data set; for a response the residuals with their correlation over frequency.
+    For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are assumed
+    independent and normal. For a single data set, standard deviations are assumed proportional to 1 / weight: intervals
+    are too narrow if relative errors are fitted as absolute, which ``certificate.adequacy`` reports. The intervals do not
+    include a bias of the model that is common to all data sets: ``certificate.adequacy`` compares residuals with errors.
+    Parameters that are not identifiable have an infinite
     interval and are listed in ``unidentifiable``.
 
     Examples

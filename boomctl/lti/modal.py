@@ -20,13 +20,15 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import CANCELLED, DIGIT, EPS, SOLVED
+from boomctl.lti.rounding import CANCELLED, DIGIT, EPS, ROOT, SOLVED
 from boomctl.lti.system import Lti, parallel, rates_of
 from boomctl.printing import compact
 
 # Relative damping |Re p|/|p| up to which a pole counts as undamped.  Rounding alone leaves up to 5e-12 in the computed
 # poles of undamped structures (booms of up to 40 elements 2e-13, random coordinates 5e-12), materials have 1e-4 and more.
 UNDAMPED = 1e-10
+_CLUSTER = 10.0  # Largest ratio of the magnitudes of poles in such a block.
+_BLOCK_NOISE = 1e2 * EPS  # Fraction of the fastest pole below which a pole belongs to such a block in any case.
 _CONDITION = 1e9  # Largest eigenvector condition of modal coordinates; leaves 7 significant digits.
 _CLUSTERED = 1e6  # Multiple of rounding whose k-th root times the norm of A limits the spacing of k poles in a cluster.
 _OFF = 1e-3  # Fraction of the radius of a cluster up to which its mean is on the boundary.
@@ -269,13 +271,17 @@ def without_integrators(system: Lti) -> SpectralParts:
     """
     n, one = len(system.A), 0.0 if system.dt == 0.0 else 1.0
     scaled = system.balanced()
-    T, Z, size, count = scaled.A - one * np.eye(n), np.eye(n), np.abs(scaled.A), 0
+    T, Z, size, count, carried = scaled.A - one * np.eye(n), np.eye(n), np.abs(scaled.A), 0, 0.0
+    if one:  # Sampled small entries are sums of terms as large as the largest.
+        size[:] = size.max(initial=0.0)
     while count < n:
         U, values, Vt = linalg.svd(T[count:, count:])
         error_bound = n * CANCELLED * ((np.abs(U).T @ size[count:, count:]) * np.abs(Vt)).sum(axis=1)
-        null = values <= error_bound + EPS * values[0]
+        null = values <= error_bound + EPS * values[0] + carried
         if not null.any():
             break
+        if not null.all():  # Errors of the null vectors, and of the remainder.
+            carried += float(values[0] * values[null].max() / values[~null].min())
         Q = np.eye(n)
         Q[count:, count:] = Vt[null.argsort()[::-1]].T
         T, Z, size = Q.T @ T @ Q, Z @ Q, np.abs(Q).T @ size @ np.abs(Q)
@@ -292,7 +298,8 @@ def without_integrators(system: Lti) -> SpectralParts:
 def spectral_parts(system: Lti) -> SpectralParts:
     """Return the stable part (with ``D``) and the retained part (unstable, undamped, rigid-body; without ``D``).
 
-    Integrators and rigid bodies are separated first, by structure (:func:`without_integrators`).
+    Integrators and rigid bodies are separated first, by structure (:func:`without_integrators`).  Other Jordan blocks are not
+    divided: poles near zero are retained with a retained pole there.
 
     Raises
     ------
@@ -300,9 +307,13 @@ def spectral_parts(system: Lti) -> SpectralParts:
         If the two parts coincide to within rounding.
     """
     chain = without_integrators(system)
-    retained = sides(chain.rest.poles, system.dt) >= 0
+    poles, dt = chain.rest.poles, system.dt
+    retained, size = sides(poles, dt) >= 0, np.abs(poles - (dt != 0.0))
     if not retained.any():
         return chain
+    near = retained & (size <= ROOT * size.max())
+    if near.any():
+        retained |= size <= max(_CLUSTER * float(size[near].max()), _BLOCK_NOISE * float(size.max()))
     parts = split(chain.rest, retained, "unstable, undamped or rigid-body poles")
     return SpectralParts(parts.rest, parallel(chain.retained, parts.retained), chain.error_bound + parts.error_bound)
 

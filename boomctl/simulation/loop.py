@@ -81,25 +81,25 @@ def simulate_loop(
 ) -> LoopResult:
     """Simulate a plant under a sampled controller.
 
-    Between samples, controls are held and disturbances are interpolated linearly.  A linear plant is integrated exactly, a
-    hub-beam within a tolerance.  At each sample, the controller reads the outputs just before the control changes and
-    computes a command.  The command is limited to ``control_limit``, then in its rate to ``rate_limit``, and acts after
-    ``delay``.
+    Between samples, controls are held and disturbances are interpolated linearly.  A linear plant is discretized exactly, a
+    hub-beam is integrated to ``rtol`` and ``atol``.  At each sample, the controller reads the outputs just before the
+    control changes and computes a command, which is saturated at ``control_limit``, then limited in its rate to
+    ``rate_limit``, and acts after ``delay``.
 
     Parameters
     ----------
     plant : control.StateSpace, control.TransferFunction, SecondOrderModel or AssumedModesBeam
         Continuous time, with named signals.  :func:`boomctl.with_state_outputs` adds a linear plant's states to its outputs.
-        A model of more than 60 coordinates is reduced to its lowest 60 modes and the static response of the others.  A
-        hub-beam has the inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (across the undeformed
-        beam, rotating with the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
-        ``tip_acceleration`` (absolute, across the undeformed beam), its ``sensors``, and the states that the controller
+        A model of more than 60 coordinates is truncated to its lowest 60 modes, with static correction.  A hub-beam has the
+        inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (normal to the undeformed beam, in the
+        frame of the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
+        ``tip_acceleration`` (absolute, normal to the undeformed beam), its ``sensors``, and the states that the controller
         reads by name, as a controller of :func:`boomctl.lqr` does.
     controller : control.StateSpace, TransferFunction, a design, ScheduledController, TimeVaryingController or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete controller
         must have the time step ``sample_time``; a continuous controller is discretized.  A scheduled controller
-        (:func:`boomctl.gain_schedule`) is discretized at each value, and its matrices follow the measurement, without
-        subtraction of a reference.  A :class:`boomctl.simulation.TimeVaryingController` has matrices for each sample.
+        (:func:`boomctl.gain_schedule`) is discretized at each value, and scheduled on the measurement itself, not on its
+        difference from the reference.  A :class:`boomctl.simulation.TimeVaryingController` has matrices for each sample.
         ``None``: open loop.
     timepts : (n,) array_like
         Times in equal steps [s]; the step must be a whole multiple of ``sample_time``, or vice versa.
@@ -112,14 +112,14 @@ def simulate_loop(
     control_limit, rate_limit : float or mapping from control to float, optional
         Maximum absolute control, and its maximum absolute rate of change [per second].
     end_stop : float or mapping, optional
-        Hard, inelastic end stops: a number for the outputs ``stroke_*``, which act through the inputs ``suspension_*``
-        of the same suffix, or a mapping from output to a number or to ``(number, input)``.
+        Hard, inelastic end stops: a limit on the outputs ``stroke_*``, with contact forces at the inputs
+        ``suspension_*`` of the same suffix; or a mapping from output to a limit or to ``(limit, input)``.
     quantization : float or mapping from measurement to float, optional
         Resolution of the measurements.
     anti_windup : bool
-        Correct the controller's state by the difference between applied and commanded control. The gain is chosen such
-        that the state is proved bounded if one control or all controls are at their limits. Without a proof, the state
-        is not corrected and a warning is issued.
+        Correct the controller's state by the difference between applied and commanded control (back-calculation), with
+        a gain for which the state is proved bounded if one control or all controls saturate. If no gain is found, there
+        is no anti-windup and a warning is issued.
     friction : CoulombFriction, optional
         Dry friction in the plant.
     method : "tustin" or "zoh"
@@ -131,11 +131,11 @@ def simulate_loop(
     seed : int
         Seed of the noise.
     reference : mapping from measurement to (n,) array, optional
-        Values at ``timepts``; the controller reads the measurement less its reference.
+        Values at ``timepts``; the input of the controller is the measurement minus its reference.
     feedforward : mapping from control to (n,) array, optional
         Values at ``timepts``; added to the controller's commands, before the limits.
     sensors : sequence of BeamSensor
-        Further outputs of a hub-beam.
+        Additional outputs of a hub-beam.
     rtol, atol : float
         Limit ``atol + rtol max |displacement|`` [m] on the error of a hub-beam's tip displacement, and on the error of the
         hub angle times the radius of the free end.  Linear plants are exact.

@@ -165,42 +165,46 @@ def optimal_slew(
     time_limit: float = TIME_LIMIT,
     progress: Callable[[SlewProgress], object] | None = None,
 ) -> SlewResult:
-    """Plan an optimal slew of a flexible beam, or of any linear system, within limits.
+    """Compute an optimal slew of a flexible beam or a linear system within limits.
 
     Parameters
     ----------
     system : hub-beam or control.StateSpace
-        The first input of a linear system is the torque, its first output the angle; the slew ends at the equilibrium
-        ``A x = 0`` with that angle. Outputs "tip_displacement" and "root_moment" are identified by name.  Texts and
-        plots use its signal names, with units if these are the names of a hub-beam, "torque" and "hub_angle".
+        The first input of a linear system is the torque, its first output the angle; the terminal state is the
+        equilibrium ``A x = 0`` with the slew angle. Outputs "tip_displacement" and "root_moment" are identified by name.
+        Reports and plots use the signal names, with units for "torque" and "hub_angle" only.
     angle : float or None
-        Slew angle [rad]. If None, free: for a spin-up, or between states.
+        Slew angle [rad]. If None, the final angle is free (spin-up), or that of ``final_state``.
     torque_limit : float
         Largest absolute torque [N m].
     angle_deg : float, optional
         The angle in degrees, in place of ``angle``.
-    objective, duration : str, float or None
-        "time"; or with a duration [s] "effort" (integral of the squared torque), "jerk" (of the squared hub jerk),
-        "torque-rate" (of the squared torque rate), "tip" (largest tip displacement).
+    objective : {"time", "effort", "jerk", "torque-rate", "tip"}
+        Minimize the duration; the integral of the squared torque, hub jerk or torque rate; or the largest tip
+        displacement.
+    duration : float or None
+        Duration [s], for every objective except "time".
     torque_rate_limit, speed_limit, tip_limit, moment_limit : float or None
-        Limits of the torque rate [N m/s], hub speed [rad/s], tip displacement [m] and bending moment at the clamp [N
-        m].
+        Limits on the magnitudes of the torque rate [N m/s], hub speed [rad/s], tip displacement [m] and bending moment
+        at the clamp [N m].
     final_speed : float
-        Hub speed at the end [rad/s]: a spin-up, the beam in steady rotation.
+        Final hub speed [rad/s] (spin-up); the beam ends in steady rotation.
     initial_state, final_state : array_like or None
-        Initial and terminal state of a linear system. If None, rest.
+        Initial and terminal state of a linear system. If None, the system is at rest.
     tip_masses : tuple of float
-        Other payloads [kg] that the same torque brings to rest without vibration; the angle is that of `system`.
+        Other tip masses [kg] for which the same torque must also end without vibration. The slew angle is that of
+        `system`.
     rtol : float, optional
-        Maximum relative error of the terminal state in the replay; by default 1e-6. Beams with axial modes, such as
-        FOAM, are planned without these modes and replayed with them: by default with 1e-4. For smaller tolerances,
-        switching times are corrected with axial modes; other torques raise an error if they exceed it. The terminal
-        axial motion is not prescribed; ``terminal_error`` contains it.
+        Maximum relative error of the terminal state in a verification simulation, by default 1e-6. Beams with axial
+        modes, such as FOAM, are planned without these modes and verified with them, by default to 1e-4. For a smaller
+        tolerance, the switching times are corrected with axial modes; other torques raise an error if they exceed it.
+        The terminal axial motion is not constrained, but is included in ``terminal_error``.
     intervals : int or None
-        Number of intervals of the mesh. If None, it is refined until halving changes the cost by less than 1e-4.
+        Number of intervals of the mesh. If None, the mesh is refined until halving its intervals changes the cost by
+        less than 1e-4, relative.
     time_limit : float
-        Time limit of the search [s], without the verification of the result. If it is exceeded, the slew on the finest
-        mesh so far is returned, if the replay confirms it.
+        Time limit of the optimization [s], without verification. If it is exceeded, the slew on the finest mesh so far
+        is returned, if its verification succeeds.
     progress : callable or None
         Called with a `SlewProgress` at each stage and iteration.
 
@@ -213,10 +217,10 @@ def optimal_slew(
     ------
     TypeError, ValueError, SlewError
         If an argument is invalid or missing; if no torque within the limits is found: the
-        message names the largest violation, its time and the active limits; if the time limit is exceeded before there is
-        a slew: the message names the stage.
+        message names the largest violation, its time and the active limits; if the time limit is exceeded before a
+        verified slew is found: the message names the stage.
     KeyboardInterrupt
-        Within two seconds of an interrupt, also while a solver runs.
+        If interrupted, within two seconds, also while a solver runs.
 
     Warns
     -----

@@ -57,45 +57,46 @@ def tune(
 ) -> TuneResult:
     """Tune a controller of a given structure to minimize a norm of the closed loop.
 
-    From each start, the loops are first stabilized. Then the norm is minimized by nonsmooth descent and by sequential
+    From each start, the closed loops are first stabilized. Then the norm is minimized by nonsmooth descent and by sequential
     quadratic programming over all peaks near the highest one (Apkarian & Noll 2006; Lewis & Overton 2013).  The result is
     the best local minimum of all starts, and is verified independently of the search.
 
     Parameters
     ----------
     P : control.StateSpace, function, or sequence of them
-        Generalized plant, as for `h_infinity`. For several, with the same signals, the largest norm is minimized and all
-        loops are stabilized.  A function maps physical parameters of the structure, by name, to a plant, or, with
+        Generalized plant, as for `h_infinity`. For several with equal signals, the largest norm is minimized and all
+        loops are stabilized.  A function maps the tuned plant parameters, by name, to a plant, or, with
         ``family``, a `SecondOrderModel` of the family.
     nmeas, ncon : int, optional
         Numbers of measurements and controls; both 0 if only physical parameters are tuned.  Optional in that case, and for
         results of `generalized_plant` or `mixed_sensitivity`.
     structure : ControllerForm
-        Structure from `boomctl.tunable`: parts can be added, and connected in series by ``*``.
+        Structure from `boomctl.tunable`: blocks are connected in parallel by ``+`` and in series by ``*``.
     channels : sequence of Channel, optional
-        `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the whole loop.
+        `boomctl.tunable.objective` and `boomctl.tunable.constraint`; by default one objective, the norm from all
+        disturbances to all performance outputs.
     norm : {"hinf", "h2"}
         Norm to minimize if there are no ``channels``.
     n_starts : int
-        Number of starts.  Lower orders of a free state-space part are tuned first.
+        Number of starts.  An unstructured state-space block is tuned at lower orders first.
     seed : int
         Seed of random starts; the result is reproducible if the time limit is not reached.
     fastest_pole : float, optional
         Maximum magnitude of the controller poles [rad/s].
     max_gain : float, optional
-        Largest singular value of the controller's response at any frequency, in the units of the signals.  Some norms have
-        their infimum at infinite gain.
+        Upper bound on the H-infinity norm of the controller, in the units of the signals.  Needed if the infimum of the
+        norm is approached as the gain tends to infinity.
     min_damping_ratio : float, optional
         Minimum damping ratio of all poles of the loops.
     min_decay_rate : float, optional
         Minimum decay rate of all poles of the loops [rad/s].
     family : AffineFamily or PolynomialFamily, optional
-        Structures over a box of parameters.  Tuning starts with the center and the vertices (with more than six uncertain
-        parameters, with the center only) and adds the worst points from a search over the box until none is worse.
+        Plants over a box of parameters.  Tuning starts with the center and the vertices (with more than six uncertain
+        parameters, with the center only) and adds worst-case points until a search of the box finds no larger norm.
         Parameters that are a `boomctl.tunable.plant_parameter` of the structure are tuned, the others are uncertain.
     initial_controller : mapping of str to float, control.StateSpace or a design, optional
-        User-defined start: free parameters by name, as in `TuneResult.values`; or for a `boomctl.tunable.state_space`
-        (physical parameters may be added) a controller of at most its order.  In the scaled signals of a scaled plant.
+        Initial controller: free parameters by name, as in `TuneResult.values`; or for a `boomctl.tunable.state_space`
+        (also with plant parameters) a controller of at most its order, in scaled signals if the plant is scaled.
     time_limit : float
         Time limit [s], after which the best result so far is returned, as after an interrupt.
     progress : callable, optional
@@ -104,7 +105,7 @@ def tune(
     Returns
     -------
     TuneResult
-        Controller, closed loops, largest norm ``gamma``, all starts, and a certificate.
+        Controller, closed loops, largest norm ``gamma``, results of all starts, and a certificate.
 
     Raises
     ------

@@ -11,7 +11,7 @@ from boomctl.analysis.box.loops import BoxLoops
 from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import COST_RATIO, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
-from boomctl.checks import instance, positive, whole
+from boomctl.checks import positive, whole
 from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
@@ -298,19 +298,25 @@ def robust_stability_margin(
     (2.8, 2.9)
     """
     top, close, limit = positive("max_factor", max_factor), positive("rtol", rtol), whole("max_cells", max_cells)
-    instance("family", family, Family, "AffineFamily or PolynomialFamily")
-    # Factors: largest proved, smallest not proved, smallest with a known instability.
-    good, ceiling, bad, where, factor = 0.0, top, inf, None, top
+    loops = BoxLoops.of(family, controller, delay)
+    middle = np.zeros(family.nparameters)
+    if not loops.stable(middle):
+        return RobustStabilityMargin(0.0, 0.0, family.denormalize(middle))
+    # Factors: largest proved, smallest unproved, largest without a known instability, smallest with one.
+    good, ceiling, calm, bad, where, factor = 0.0, top, 0.0, inf, None, top
     with computing("structured margin", progress):
         for _ in range(_PROOFS):
             result = robust_stability(_enlarged(family, factor), controller, limit, delay=delay)
-            good, ceiling = (factor, ceiling) if result.proved else (good, factor)
-            if result.destabilizing_values is not None:
+            if result.destabilizing_values is None:
+                calm = max(calm, factor)
+            else:
                 where = result.destabilizing_values
-                ceiling = bad = float(np.abs(family.normalize(where)).max())
-            if ceiling - good <= 0.5 * close * ceiling:
+                bad = float(np.abs(family.normalize(where)).max())
+            good, ceiling = (factor, ceiling) if result.proved else (good, min(ceiling, factor, bad))
+            unproved, unknown = ceiling - good, bad - calm if bad < inf else 0.0
+            if max(unproved, unknown) <= 0.5 * close * ceiling:
                 break
-            factor = 0.5 * (good + ceiling)
+            factor = good + 0.5 * unproved if unproved >= unknown else calm + 0.5 * unknown
     return RobustStabilityMargin(good, bad, where)
 
 

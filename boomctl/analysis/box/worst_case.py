@@ -129,32 +129,32 @@ def worst_case(
     """Compute bounds on the worst-case norm of the loop ``u = K y`` over a parameter box.
 
     The lower bound comes from local searches that start at the midpoint, faces and vertices of the box, and at the
-    midpoints of cells without a proof.  The upper bound comes from branch and bound: the box is bisected until no singular
-    value can reach the level in any cell (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust
-    stability over the box.
+    midpoints of undecided cells.  The upper bound comes from branch and bound: the box is bisected until in every cell the
+    norm is proved to be below the bound (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust stability
+    over the box.
 
-    With a discrete-time controller the loop is that of :func:`boomctl.feedback_loop`: disturbances are held between
-    samples, and outputs are sampled.  It is approximated by a polynomial in the parameters
+    With a discrete-time controller the loop is that of :func:`boomctl.feedback_loop`: disturbances pass a zero-order hold,
+    and outputs are sampled.  The loop is approximated by a polynomial in the parameters
     (:mod:`boomctl.analysis.box.sampled`); ten times the error estimated at random points is added to the upper bound.
 
     Parameters
     ----------
     family : AffineFamily or PolynomialFamily
-        Plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam.  Its control inputs must be forces.
+        Plants, such as :func:`boomctl.boom_family` or ``.family()`` of a hub-beam.  Control inputs must be forces.
     controller : control.StateSpace or ScheduledController
-        Controller with ``u = K y``.  Signals are matched by name.  A controller that follows a parameter of the family
-        (:func:`boomctl.gain_schedule`) is evaluated at each constant value, as in :func:`boomctl.robust_stability`.
+        Controller with ``u = K y``.  Signals are matched by name.  A scheduled controller
+        (:func:`boomctl.gain_schedule`) is evaluated at frozen parameter values, as in :func:`boomctl.robust_stability`.
     inputs, outputs : str or sequence of str, optional
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is computed.  If None, all
         disturbances and injected signals, and all outputs of the family.
     norm : {"hinf", "h2"}
-        Largest singular value over frequency, or RMS of the outputs to white noise.  The H2 norm has no upper bound.
+        Largest singular value over frequency, or RMS of the outputs for white noise.  The H2 norm has no upper bound.
     rtol : float or None
-        Relative gap between the bounds at which the search stops.  If that takes too many cells, a gap ten times, then a
-        hundred times as large is accepted.  If None, no upper bound is computed.
+        Relative gap between the bounds at which the search stops.  If `max_cells` is exceeded, the gap is relaxed to ten,
+        then a hundred times `rtol`.  If None, no upper bound is computed.
     max_cells : int
-        Approximate limit on the number of cells at one level, if cells are boxes of parameters and frequency; 1/150 of it
-        for cells of parameters alone, which take longer.
+        Approximate limit on the number of cells in parameters and frequency, for each bound that is tried.  For cells in
+        parameters alone, which take longer, the limit is ``max_cells / 150``.
     delay : float, optional
         Computation delay [s].  Requires a discrete-time controller.
     injection_points : str or sequence of str, optional
@@ -172,8 +172,8 @@ def worst_case(
     Raises
     ------
     TypeError, ValueError
-        If a system has an unsupported type, signal names do not match, a control of a continuous-time controller is a
-        displacement, the loop cannot have this delay, or `inputs`, `outputs`, `norm`, `rtol` or `max_cells` is invalid.
+        If a system has an unsupported type, signal names do not match, a continuous-time controller drives a
+        displacement, `delay` is not possible for the loop, or `inputs`, `outputs`, `norm`, `rtol` or `max_cells` is invalid.
 
     Examples
     --------

@@ -17,8 +17,8 @@ from boomctl.lab.benchmark.measure import measured
 from boomctl.report import Report, Section, Table, power
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "ctrlsys", "mpmath")
-_PAGE_HEADS = ("Scene", "boomctl", "Error", "First call", "Later calls", "Memory", "Other program", "Smallest ratio")
-_SIZE_HEADS = ("Scene", "Method", "Sizes", "Run time", "Exponent")
+_PAGE_HEADS = ("Problem", "boomctl", "Error", "First call", "Repeated", "Memory", "Other program", "Smallest speedup")
+_SIZE_HEADS = ("Problem", "Method", "Sizes", "Run time", "Exponent")
 _SHADES = {"NO": "#f9d6d5", "yes": "#e3f4e3"}
 SCENES = {
     key: f"boomctl.lab.benchmark.scenes.{location}"
@@ -83,7 +83,9 @@ class BenchmarkReport:
         sections = (
             Section("Whose front leads", (), (self._lead_table(),)),
             *map(_scene_section, self.diagrams),
-            Section("Run time over size", (), (Table(_SIZE_HEADS, tuple(self._size_lines()), align="lllrr"),)),
+            Section(
+                "Run time versus problem size", (), (Table(_SIZE_HEADS, tuple(self._size_lines()), align="lllrr"),)
+            ),
             Section("Machine, versions, and how to repeat this", text, (facts,)),
         )
         files = {"accuracy.md": self.page()} if self.environment else {}

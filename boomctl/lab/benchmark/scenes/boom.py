@@ -157,7 +157,7 @@ def boom_time() -> Scene:
     sizes: tuple[tuple[float, tuple[int, ...], tuple[int, ...]], ...]
     sizes = ((1e-2, (6,), (4,)), (1e-3, (20,), (6,)), (1e-4, (50,), ()), (1e-6, (100, 190), (8,)), (1e-8, (), (10, 12)))
     return Scene(
-        title="Motion of the boom's tips over a minute",
+        title="Forced response of the boom's tips, 60 s",
         question="From the boom's parameters and 6,001 samples of the actuators' motion over bumps to that of both tips.",
         measure=f"Largest error over the largest motion, against 8 high-order elements; at least {_EQUAL:g}.",
         problem=BoomParameters,
@@ -191,7 +191,7 @@ def boom_reduction() -> Scene:
     orders = [(_REDUCED, order) for order in (4, 6, 8, 10, 14, 20, 30)]
     meshes = [(elements, _DEGREE) for elements in _MESHES]
     return Scene(
-        title=f"The boom of {_REDUCED} elements reduced",
+        title=f"Reduction of a boom of {_REDUCED} elements",
         question=f"From the boom's parameters, by {_REDUCED} finite elements, to a small system, actuators to tips.",
         measure="Largest singular value of the difference over that of the full model, resonances to 100 Hz included.",
         problem=BoomParameters,

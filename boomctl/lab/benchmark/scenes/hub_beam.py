@@ -104,7 +104,7 @@ def hub_torque() -> Scene:
         **dict.fromkeys(("IDAS", "CVODES"), ladder),
     }
     words = f"under one period of a sine of {TORQUE.amplitude:g} N m in {TORQUE.duration:g} s"
-    return _scene("The hub-beam under a torque", words, TORQUE, 30.0, (8, 1e-8), methods)
+    return _scene("Hub-beam with an applied torque", words, TORQUE, 30.0, (8, 1e-8), methods)
 
 
 def machine(change: float = 0.0) -> HubBeamParameters:

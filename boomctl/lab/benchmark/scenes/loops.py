@@ -219,7 +219,7 @@ def boom_loop() -> Scene:
         return BoomLoop.of(change, modes).loop.restarted("RK45", 1e-6)
 
     return Scene(
-        title=f"The boom's suspension with a force limit, {_END:g} s sampled at 1 kHz",
+        title=f"Sampled suspension with a force limit, {_END:g} s at 1 kHz",
         question=f"From the boom's parameters to the motion of its tips over rough ground, {_FORCE:g} N at most.",
         measure=f"Largest error over the largest displacement, against extended precision; at least {SUMMED:.0e}.",
         problem=BoomLoop.of,
@@ -299,7 +299,7 @@ def beam_loop() -> Scene:
 
     cases = [(rtol, _BEAM_MODES) for rtol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)]
     return Scene(
-        title=f"The hub-beam turned by a controller with a torque limit, {_END:g} s sampled at 1 kHz",
+        title=f"Sampled angle control of the hub-beam with a torque limit, {_END:g} s at 1 kHz",
         question=f"From the beam's parameters, SFOAM, {_BEAM_MODES} modes, to the tip's displacement.",
         measure=f"Largest error over the largest displacement, against extrapolation of order 16; at least {SUMMED:.0e}.",
         reference=lambda problem: beam_reference(beam(), _TIME),
