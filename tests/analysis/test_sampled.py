@@ -83,7 +83,7 @@ def test_delay_margin_window_wider_than_the_grid_is_found(seed):
         assert below < 1.0 < above
 
 
-def test_delay_margin_of_single_loop_is_that_of_its_actuator_and_its_sensor():
+def test_delay_margin_at_actuator_and_sensor_of_single_loop():
     P = control.tf([5.0], [1.0, 3.0, 3.0, 1.0], inputs="u", outputs="y")
     K = control.ss(0.5, 1.0, -0.15, 0.0, 0.3, inputs="y", outputs="u")
     late = bc.margins(P, K, delay=0.1)

@@ -295,7 +295,7 @@ def test_fit_product_of_two_free_factors_is_undetermined():
     assert found.values["k2"] * found.values["e"] == pytest.approx(single.values["k2"], rel=1e-6)
 
 
-def test_fit_parameters_of_any_sign_have_intervals_and_combinations():
+def test_fit_parameters_of_any_sign_have_intervals():
     def build(p):
         return SecondOrderModel([[1.0]], [[0.1]], [[4.0 + p["a"] + p["b"]]], {"f": [1.0]}, {"y": [1.0]})
 

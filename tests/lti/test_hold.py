@@ -52,7 +52,7 @@ def test_the_response_solves_the_differential_equation(seed):
 
 
 @pytest.mark.parametrize("seed", [2, 3])
-def test_motion_of_dense_matrix_with_equal_poles_keeps_its_digits(seed):
+def test_motion_of_dense_matrix_with_equal_poles(seed):
     """Powers of the matrix itself cancel: they leave errors of 1e-3 and more."""
     rng = np.random.default_rng(seed)
     Q, rates = np.linalg.qr(rng.standard_normal((9, 9)))[0], 10.0 ** rng.uniform(-0.3, 0.3, 9)

@@ -77,7 +77,7 @@ def frequencies():
     return table_1(BoomParameters())
 
 
-def test_no_reading_of_the_geometrical_mass_meets_the_fourth_value(frequencies):
+def test_no_reading_of_the_mass_meets_the_fourth_value(frequencies):
     printed = [*frequencies["methods"].values()][-1]["published_hz"]
     for item in frequencies["readings_of_geometrical_mass"]:
         assert abs(item["computed_hz"][3] / printed[3] - 1.0) > 0.03
