@@ -98,10 +98,10 @@ def fit(
     model : callable or Family
         Function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or a user's function.  It
         returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or data of the measured kind:
-        eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (of several data sets
-        the sorted union).  Parameters for which it raises ValueError or ArithmeticError are treated as infeasible.
+        eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (the sorted union of
+        all data sets).  Parameters for which it raises ValueError or ArithmeticError are treated as infeasible.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
-        Eigenfrequencies [Hz], ascending unless ``modes`` is given, damped if those of the model are; a complex frequency
+        Eigenfrequencies [Hz], ascending unless ``modes`` is given, damped or undamped as in the model; a complex frequency
         response;
         singular values (magnitudes).  A `MeasuredFrequencyResponse` with phase is fitted as a complex response, one
         without phase as singular values; ``data.kind`` of the result states the kind. A list of these: repeated
@@ -115,11 +115,11 @@ def fit(
         Mode number of each eigenfrequency, from 1.  If None, each measured value is assigned to the nearest mode,
         as modes may be missing in the data. The same for all data sets.
     weights : array_like, optional
-        Weight of each value, proportional to 1 / standard deviation of its error. If None, from the standard deviation of a
-        response of :func:`boomctl.estimate_frequency_response`, otherwise 1 for each;
-        0 excludes a value.  The same for all data sets.  With relative errors, values of such a response with a standard
-        deviation above 20 % (low coherence) are excluded by default, because their logarithms are biased.  That may exclude
-        deep antiresonances: fit parameters that only these determine with ``error_model="absolute"``.
+        Weight of each value, proportional to 1 / standard deviation of its error; the same for all data sets.  By default
+        from the standard deviations of :func:`boomctl.estimate_frequency_response`, otherwise 1; 0 excludes a value.
+        With relative errors, values of such a response with a standard deviation above 20 % (low coherence) are excluded
+        by default, because their logarithms are biased.  That may exclude deep antiresonances: fit parameters that only
+        these determine with ``error_model="absolute"``.
     error_model : "relative" or "absolute"
         "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.

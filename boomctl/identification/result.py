@@ -182,8 +182,8 @@ class FitResult(Summarized):
         low, high = self.intervals[name]
         open_low = low == -inf or (low == 0.0 and self.values[name] > 0.0)
         if high == inf:
-            return "not determined" if open_low else f"{low:.5g} or more"
-        return f"{high:.5g} or less" if open_low else f"{low:.5g} to {high:.5g}"
+            return "not determined" if open_low else f"{low:.6g} or more"
+        return f"{high:.6g} or less" if open_low else f"{low:.6g} to {high:.6g}"
 
     def to_pandas(self) -> DataFrame:
         """Return the parameters as a data frame of pandas.
@@ -231,7 +231,7 @@ class FitResult(Summarized):
             return "no residual degrees of freedom: set error_std"
         size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
         origin = "estimated from residuals" if self.error_std_estimated else "specified"
-        return f"standard deviation of errors {size}, {origin}"
+        return f"standard deviation of errors at weight 1: {size}, {origin}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values, fitted values and those at the start.

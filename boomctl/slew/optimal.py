@@ -197,7 +197,8 @@ def optimal_slew(
     rtol : float, optional
         Maximum relative error of the terminal state in a verification simulation, by default 1e-6. Beams with axial
         modes, such as FOAM, are planned without these modes and verified with them, by default to 1e-4. For a smaller
-        tolerance, the switching times are corrected with axial modes; other torques raise an error if they exceed it.
+        tolerance, the switching times of a bang-bang torque are corrected with axial modes; for other torques, a larger
+        error raises SlewError.
         The terminal axial motion is not constrained, but is included in ``terminal_error``.
     intervals : int or None
         Number of intervals of the mesh. If None, the mesh is refined until halving its intervals changes the cost by
@@ -215,10 +216,11 @@ def optimal_slew(
 
     Raises
     ------
-    TypeError, ValueError, SlewError
-        If an argument is invalid or missing; if no torque within the limits is found: the
-        message names the largest violation, its time and the active limits; if the time limit is exceeded before a
-        verified slew is found: the message names the stage.
+    TypeError, ValueError
+        If an argument is invalid or missing.
+    SlewError
+        If no torque within the limits is found (the message names the largest violation, its time and the active limits),
+        or the time limit is exceeded before a slew is verified (the message names the stage).
     KeyboardInterrupt
         If interrupted, within two seconds, also while a solver runs.
 

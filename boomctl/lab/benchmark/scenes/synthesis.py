@@ -163,7 +163,7 @@ def tuning() -> Scene:
         return np.array([hinf_norm(lft(P, gains[name])).upper_bound for name, (P, *_) in plants.items()])
 
     return Scene(
-        title="Static gain of least norm, for each of two plants",
+        title="Norm-optimal static gain, of two plants in turn",
         question="From two published plants (COMPleib 1.1, HE1 and REA2) to a gain for each.",
         measure=f"Norm of the loop over the least that twenty starts find, less one, the larger; at least {ROOT:.0e}.",
         problem=published_plants,
