@@ -93,7 +93,7 @@ class FitCertificate:
             return text
         verdict = "" if self.fit_adequate else " (model inadequate)"
         text += f", reduced chi-square {self.residual_ratio**2:.2g}{verdict}"
-        return f"{text} (errors assumed independent)"
+        return f"{text} ({self.ndata:,} values, errors assumed independent)"
 
     @property
     def summary(self) -> str:
