@@ -75,3 +75,15 @@ def test_modes_of_free_chain_invariant_to_units(seed):
             assert row.pole == pytest.approx(pole, rel=1e-6)
             assert row.modal_peaks[0, 0] < np.inf
         assert max((row.output_participation[0] for row in rows[2:]), default=1.0) == 1.0  # among those that vibrate
+
+
+@pytest.mark.parametrize("seed", [0, 1, 271])
+def test_integrators_in_dense_coordinates_are_poles_at_zero(seed):
+    """Chains of two or three integrators beside single ones and fast modes; rounding moves the eigenvalues of such chains."""
+    rng = np.random.default_rng(seed)
+    chain = np.eye(3 if seed % 2 else 2, k=1)
+    A = linalg.block_diag(chain, np.zeros((seed % 3, seed % 3)), [[-56.9]], [[-160.0, 160.0], [-160.0, -160.0]])
+    T = rng.standard_normal(A.shape)
+    B, C = np.linalg.solve(T, rng.standard_normal((len(A), 1))), rng.standard_normal((1, len(A))) @ T
+    rows = mode_table(control.ss(np.linalg.solve(T, A @ T), B, C, 0.0)).rows
+    assert sum(row.pole == 0.0 for row in rows) == len(chain) + seed % 3
