@@ -97,7 +97,7 @@ def fit(
     ----------
     model : callable or Family
         Function of the parameters, such as ``bc.spray_boom``, ``bc.exact_eigenfrequencies_hz`` or a user's function.  It
-        returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or data of the measured kind:
+        returns a model (:class:`SecondOrderModel`, ``StateSpace``, a hub-beam), or data of the same kind as ``data``:
         eigenfrequencies [Hz], a frequency response or singular values at the measured frequencies (the sorted union of
         all data sets).  Parameters for which it raises ValueError or ArithmeticError are treated as infeasible.
     data : array_like, FrequencyResponseData or MeasuredFrequencyResponse
@@ -110,7 +110,7 @@ def fit(
         Names of the parameters that are fitted. A range bounds the search and the random starts. By default all parameters
         of a family.
     initial : dataclass or mapping, optional
-        Initial parameters, including fixed ones.  By default the midpoint of a family, or of the ranges.
+        Initial parameters, including fixed ones.  By default the midpoint of the family, or of the ranges in ``free``.
     modes : sequence of int, optional
         Mode number of each eigenfrequency, from 1.  If None, each measured value is assigned to the nearest mode,
         as modes may be missing in the data. The same for all data sets.
@@ -124,7 +124,7 @@ def fit(
         "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
     error_std : float, optional
-        Standard deviation of errors at weight 1, if known; of complex values, that of real and imaginary part each.  By
+        Standard deviation of errors at weight 1, if known; of complex data, that of the real and of the imaginary part.  By
         default it is estimated from the residuals.
     confidence_level : float
         Confidence level of the intervals, between 0.5 and 1.

@@ -231,7 +231,7 @@ class FitResult(Summarized):
             return "no residual degrees of freedom: set error_std"
         size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
         origin = "estimated from residuals" if self.error_std_estimated else "specified"
-        return f"standard deviation of errors at weight 1: {size}, {origin}"
+        return f"error standard deviation (weight 1) {size}, {origin}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values, fitted values and those at the start.

@@ -195,10 +195,10 @@ def optimal_slew(
         Other tip masses [kg] for which the same torque must also end without vibration. The slew angle is that of
         `system`.
     rtol : float, optional
-        Maximum relative error of the terminal state in a verification simulation, by default 1e-6. Beams with axial
-        modes, such as FOAM, are planned without these modes and verified with them, by default to 1e-4. For a smaller
-        tolerance, the switching times of a bang-bang torque are corrected with axial modes; for other torques, a larger
-        error raises SlewError.
+        Maximum relative error of the terminal state in a verification simulation, by default 1e-6. For beams with axial
+        modes, such as FOAM, the slew is optimized without these modes and verified with them; the default is then 1e-4.
+        If the error exceeds `rtol`, the switching times of a bang-bang torque are corrected on the full model; for other
+        torques, SlewError is raised.
         The terminal axial motion is not constrained, but is included in ``terminal_error``.
     intervals : int or None
         Number of intervals of the mesh. If None, the mesh is refined until halving its intervals changes the cost by
@@ -212,7 +212,7 @@ def optimal_slew(
     Returns
     -------
     SlewResult
-        Torque and motion over time, and a certificate.
+        Torque and motion over time, and a ``certificate`` of the verification.
 
     Raises
     ------
