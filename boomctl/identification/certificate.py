@@ -104,9 +104,9 @@ class FitCertificate:
     def checks(self) -> str:
         """Checks of the minimum."""
         offset = f"{self.distance_to_minimum:.2g} standard errors"
-        parts = [f"minimum {'certified' if self.certified else 'not certified'} (distance {offset})"]
+        parts = [f"minimum {'certified' if self.certified else 'not certified'} (position error {offset})"]
         if not self.is_minimum:
-            parts[0] = f"minimum not certified (distance {offset}): not a minimum of the sum of squares"
+            parts[0] = f"minimum not certified (position error {offset}): not a minimum of the sum of squares"
         parts.append(f"reached from {self.n_agreeing_starts} of {count(self.n_starts, 'start')}")
         if self.alternatives:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in self.alternatives[0].items())

@@ -154,8 +154,8 @@ def fit(
     Notes
     -----
     Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
-    ``uncertainty_source`` names the origin of the covariance: for several data sets their scatter, so that the intervals
-    are prediction intervals for another data set; for a response the residuals with their correlation over frequency.
+    ``uncertainty_source`` states how the covariance was estimated. Several data sets: from their scatter; the intervals
+    are then prediction intervals for another data set. A response: from the residuals and their correlation over frequency.
     For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are assumed
     independent and normal. For a single data set, standard deviations are assumed proportional to 1 / weight: intervals
     are too narrow if relative errors are fitted as absolute, which ``certificate.adequacy`` reports. The intervals do not

@@ -172,7 +172,7 @@ def optimal_slew(
     system : hub-beam or control.StateSpace
         The first input of a linear system is the torque, its first output the angle; the terminal state is the
         equilibrium ``A x = 0`` with the slew angle. Outputs "tip_displacement" and "root_moment" are identified by name.
-        Reports and plots use the signal names, with units for "torque" and "hub_angle" only.
+        Reports and plots use its signal names, and show units if these are "torque" and "hub_angle".
     angle : float or None
         Slew angle [rad]. If None, the final angle is free (spin-up), or that of ``final_state``.
     torque_limit : float
