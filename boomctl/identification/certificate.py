@@ -93,7 +93,7 @@ class FitCertificate:
             return text
         verdict = "" if self.fit_adequate else " (model inadequate)"
         text += f", reduced chi-square {self.residual_ratio**2:.2g}{verdict}"
-        return f"{text} ({self.ndata:,} values, errors assumed independent)"
+        return f"{text} ({self.ndata:,} values, correlation neglected)"
 
     @property
     def summary(self) -> str:
@@ -103,10 +103,10 @@ class FitCertificate:
     @property
     def checks(self) -> str:
         """Checks of the minimum."""
-        offset = f"{self.distance_to_minimum:.2g} standard errors"
-        parts = [f"minimum {'certified' if self.certified else 'not certified'} (position error {offset})"]
-        if not self.is_minimum:
-            parts[0] = f"minimum not certified (position error {offset}): not a minimum of the sum of squares"
+        parts = ["minimum not certified: not a minimum of the sum of squares"]
+        if self.is_minimum:
+            offset = f"{self.distance_to_minimum:.2g} standard errors"
+            parts = [f"minimum {'certified' if self.certified else 'not certified'}, parameters within {offset} of it"]
         parts.append(f"reached from {self.n_agreeing_starts} of {count(self.n_starts, 'start')}")
         if self.alternatives:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in self.alternatives[0].items())

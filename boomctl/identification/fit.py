@@ -154,14 +154,15 @@ def fit(
     Notes
     -----
     Intervals follow from the linearized model with Student's t, symmetric in the logarithm of positive parameters.
-    ``uncertainty_source`` states how the covariance was estimated. Several data sets: from their scatter; the intervals
-    are then prediction intervals for another data set. A response: from the residuals and their correlation over frequency.
-    For lists of frequencies, responses at fewer than 12 frequencies, and with ``error_std``, errors are assumed
-    independent and normal. For a single data set, standard deviations are assumed proportional to 1 / weight: intervals
-    are too narrow if relative errors are fitted as absolute, which ``certificate.adequacy`` reports. The intervals do not
-    include a bias of the model that is common to all data sets: ``certificate.adequacy`` compares residuals with errors.
-    Parameters that are not identifiable have an infinite
-    interval and are listed in ``unidentifiable``.
+    ``uncertainty_source`` states how the covariance was estimated. For several data sets it is estimated from their
+    scatter, and the intervals are prediction intervals for another data set. For a response it is estimated from the
+    residuals, including their correlation over frequency. For lists of frequencies, responses at fewer than 12
+    frequencies, and with ``error_std``, errors are assumed independent and normal.
+
+    For a single data set, standard deviations are assumed proportional to 1 / weight: intervals are too narrow if relative
+    errors are fitted as absolute, which ``certificate.adequacy`` reports. The intervals do not include a bias of the model
+    that is common to all data sets: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
+    identifiable have an infinite interval and are listed in ``unidentifiable``.
 
     Examples
     --------

@@ -192,8 +192,7 @@ def optimal_slew(
     initial_state, final_state : array_like or None
         Initial and terminal state of a linear system. If None, the system is at rest.
     tip_masses : tuple of float
-        Other tip masses [kg] for which the same torque must also end without vibration. The slew angle is that of
-        `system`.
+        Other tip masses [kg] that the same torque must also bring to rest. The slew angle is that of `system`.
     rtol : float, optional
         Maximum relative error of the terminal state in a verification simulation, by default 1e-6. For beams with axial
         modes, such as FOAM, the slew is optimized without these modes and verified with them; the default is then 1e-4.

@@ -492,7 +492,7 @@ def test_fit_relative_errors_use_coherent_frequencies(errors):
     assert found.certificate.residual_ratio**2 < 1.5
     assert found.values["damping"] == pytest.approx(0.01, rel=0.02)
     assert found.certificate.ndata < 0.9 * H.frdata.size * 2
-    assert f"({found.certificate.ndata:,} values, errors assumed independent)" in str(found)
+    assert f"({found.certificate.ndata:,} values, correlation neglected)" in str(found)
 
 
 # -- adequacy of the model ---------------------------------------------------------------------------------------------

@@ -135,7 +135,7 @@ def worst_case(
 
     With a discrete-time controller the loop is that of :func:`boomctl.feedback_loop`: disturbances pass a zero-order hold,
     and outputs are sampled.  The loop is approximated by a polynomial in the parameters
-    (:mod:`boomctl.analysis.box.sampled`); ten times the error estimated at random points is added to the upper bound.
+    (:mod:`boomctl.analysis.box.sampled`); the proof allows for ten times the error estimated at random points.
 
     Parameters
     ----------

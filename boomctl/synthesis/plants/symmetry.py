@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     import control
 
 _RESPONSE_RTOL = 1e-6  # Largest relative change of the response of a subsystem.
-_GAP = 1e-3  # Poles whose moduli are closer than this are reduced together; frequencies are as far from undamped ones.
+_CLUSTER_RTOL = 1e-3  # Poles whose moduli are closer than this are reduced together.
+_GAP = 1e-3  # Relative distance of frequencies from undamped poles.
 
 
 @one_blas_thread
@@ -169,7 +170,7 @@ def _clusters(K: Lti) -> list[Lti]:
     blocks = np.split(np.arange(len(A)), np.cumsum(widths)[:-1])
     size = np.array([np.abs(linalg.eigvals(A[np.ix_(states, states)])).mean() for states in blocks])
     order, error = np.argsort(size), SOLVED * float(np.linalg.norm(A))
-    cuts = np.flatnonzero(np.diff(size[order]) > _GAP * size[order][1:] + error) + 1
+    cuts = np.flatnonzero(np.diff(size[order]) > _CLUSTER_RTOL * size[order][1:] + error) + 1
     groups = [np.concatenate([blocks[k] for k in group]) for group in np.split(order, cuts)]
     return [Lti(A[np.ix_(states, states)], B[states], C[:, states], K.D) for states in groups]
 
