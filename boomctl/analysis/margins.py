@@ -7,8 +7,8 @@ diagonal scaling, so that it does not depend on units, and with the certified up
 
 Frequencies at which the loop's response ``L`` is real, or of modulus one, are eigenvalues of one pencil each: with the
 sensitivity ``S = 1/(1 - L)``, ``S(s) - S(-s)`` or ``S(s) + S(-s) - 1`` is zero there on the imaginary axis.  The sensitivity
-of a stable loop has no pole there, regardless of the poles of ``L``.  An eigenvalue is a crossing if the response itself has
-different signs at the midpoints to the next ones.
+of a stable loop has no pole there, regardless of the poles of ``L``.  Each eigenvalue is a candidate; a crossing is then
+located in the response itself, between two frequencies at which the signs differ.
 
 A sampled loop is evaluated through the bilinear transformation: on the imaginary axis of the image its response is that on
 the unit circle, so that gains, angles and disks are the same; frequencies are mapped back before delays are computed.
