@@ -31,7 +31,7 @@ from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
-from boomctl.progress import OutOfTimeError, computing, tell
+from boomctl.progress import OutOfTimeError, computing
 from boomctl.slew.deadline import SlewDeadline, SlewProgress, noting_interrupts
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.end_map import end_map
@@ -262,13 +262,15 @@ def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None
     """Limit the time of a search and report its progress, by default to the listeners of computations."""
     if progress is not None and not callable(progress):
         raise TypeError(f"progress = {progress!r}: expected a function of a SlewProgress, or None")
-    deadline = SlewDeadline(positive("time_limit", time_limit), tell=progress or (lambda item: tell(item.stage)))
+    limit = positive("time_limit", time_limit)
     try:
-        with computing("optimal slew"), noting_interrupts(deadline):
-            yield deadline
+        with computing("optimal slew") as tell:
+            deadline = SlewDeadline(limit, tell=progress or (lambda item: tell(item.stage)))
+            with noting_interrupts(deadline):
+                yield deadline
     except OutOfTimeError as over:
         raise SlewError(
-            f"time_limit = {deadline.limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
+            f"time_limit = {limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
             "Expected more time, fewer modes or payloads, or a larger tolerance"
         ) from None
 

@@ -9,6 +9,7 @@ from boomctl.arrays import Array
 from boomctl.checks import warn_user
 from boomctl.lti.hold import linear_hold, recursion
 from boomctl.lti.rounding import SUMMED
+from boomctl.progress import computing
 from boomctl.slew.dynamics import path_peak
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import SlewPlant
@@ -97,7 +98,8 @@ def played(problem: SlewProblem, history: TorqueProfile) -> tuple[Motion, ...]:
             states = _linear_motion(plant, history, problem.start[own], t)
             motions.append(Motion(t, states, plant.coordinates(states), None))
             continue
-        r = plant.machine.simulate(history, t, **_ACCURATE)
+        with computing("replay", lambda told: problem.deadline.check("replay")):
+            r = plant.machine.simulate(history, t, **_ACCURATE)
         energy = plant.machine.residual_energy(r.states[-1], problem.final_speed)
         motions.append(Motion(t, r.states, plant.coordinates(r.states), energy, r.small_deformation_until))
     return tuple(motions)
