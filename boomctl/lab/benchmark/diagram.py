@@ -29,6 +29,8 @@ class Point:
         As of the setting; nonzero where run time is measured over the size of the problem.
     failed : str
         Why there is no answer; empty where there is one.
+    call : str
+        As of the setting.
     """
 
     method: str
@@ -43,6 +45,7 @@ class Point:
     memory: float | None = None
     size: int = 0
     failed: str = ""
+    call: str = ""
 
     def elapsed(self, calls: Calls) -> float | None:
         """Return the run time of the first call, or of a later one [s]."""

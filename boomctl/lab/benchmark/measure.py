@@ -84,7 +84,7 @@ def measured(key: str, location: str, *, quick: bool, time_limit: float, progres
 
 
 def _point(scene: Scene, problem: Any, reference: Any, setting: Setting, runs: list[dict[str, Any]]) -> Point:
-    point = Point(setting.method, setting.label, setting.ours, setting.verified, size=setting.size)
+    point = Point(setting.method, setting.label, setting.ours, setting.verified, size=setting.size, call=setting.call)
     failed = next((run["failed"] for run in runs if "failed" in run), "")
     if failed:
         return replace(point, failed=failed)

@@ -17,7 +17,7 @@ from boomctl.lab.benchmark.measure import measured
 from boomctl.report import Report, Section, Table, power
 
 _PACKAGES = ("boomctl", "numpy", "scipy", "control", "slycot", "pymor", "casadi", "ctrlsys", "mpmath")
-_PAGE_HEADS = ("Problem", "boomctl", "Error", "First call", "Repeated", "Memory", "Other program", "Smallest speedup")
+_PAGE_HEADS = ("Problem", "Call", "Error", "First call", "Repeated", "Fastest other program", "Smallest speedup")
 _SIZE_HEADS = ("Problem", "Method", "Sizes", "Run time", "Exponent")
 _SHADES = {"NO": "#f9d6d5", "yes": "#e3f4e3"}
 SCENES = {
@@ -94,9 +94,8 @@ class BenchmarkReport:
     def page(self) -> str:
         """Return the page of the documentation on accuracy and run time, in Markdown."""
         scenes = _markdown(_PAGE_HEADS, map(_page_line, self.diagrams))
-        sizes = _markdown(_SIZE_HEADS, self._size_lines())
         text = (Path(__file__).parent / "accuracy.md").read_text(encoding="utf-8")
-        return text.format(scenes=scenes, sizes=sizes, **self.environment)
+        return text.format(scenes=scenes, **self.environment)
 
     def _size_lines(self) -> list[tuple[str, ...]]:
         """Return a line of each method whose run time is measured over size."""
@@ -156,9 +155,8 @@ def _page_line(diagram: Diagram) -> tuple[str, ...]:
     ours, other = (next((p for p in front if p.error <= _SHOWN_ERROR), _NO_POINT) for front in fronts)
     leads = ", ".join(_ratio(diagram.leads(calls)[0][0]) for calls in get_args(Calls) if diagram.leads(calls))
     error = error_words(ours.error) if ours.method else ""
-    times = duration(ours.cold), duration(ours.hot), _megabytes(ours.memory)
-    peer = f"{_name(other)}: {duration(other.hot)} {_megabytes(other.memory)}" if other.method else "none"
-    return (diagram.title, _name(ours), error, *times, peer, leads)
+    peer = f"{_name(other)}: {duration(other.hot)}" if other.method else "none"
+    return (diagram.title, f"`{ours.call}`", error, duration(ours.cold), duration(ours.hot), peer, leads)
 
 
 def _markdown(heads: Sequence[str], lines: Iterable[Sequence[str]]) -> str:

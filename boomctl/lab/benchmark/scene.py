@@ -32,6 +32,8 @@ class Setting:
         Whether it is this package.
     size : int
         Size of the problem, where run time is measured over it and no error; 0 otherwise.
+    call : str
+        Code of a call of this package, for the page of the documentation.
     """
 
     method: str
@@ -41,6 +43,7 @@ class Setting:
     modules: tuple[str, ...] = ()
     ours: bool = False
     size: int = 0
+    call: str = ""
 
     @property
     def missing(self) -> str:
@@ -50,7 +53,7 @@ class Setting:
 
 
 def settings(
-    method: str, label: str, values: Iterable[Any], solve: Callable[..., Any], **kind: Any
+    method: str, label: str, values: Iterable[Any], solve: Callable[..., Any], *, call: str = "", **kind: Any
 ) -> Iterator[Setting]:
     """Yield the settings of one method, the one with the largest error first.
 
@@ -63,12 +66,14 @@ def settings(
         A value, or a tuple of values, for each setting.
     solve : callable
         Takes these values, the problem and the relative change of a parameter to the answer.
+    call : str
+        Code of the call, with ``{}`` as in `label`.
     **kind
         ``verified``, ``modules``, ``ours`` of :class:`Setting`.
     """
     for value in values:
         item = value if isinstance(value, tuple) else (value,)
-        yield Setting(method, label.format(*item), partial(solve, *item), **kind)
+        yield Setting(method, label.format(*item), partial(solve, *item), call=call.format(*item), **kind)
 
 
 def sized(*chosen: Iterable[Setting]) -> Iterator[Setting]:

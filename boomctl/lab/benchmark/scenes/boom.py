@@ -43,9 +43,17 @@ _Solve = Callable[[Any], Any]
 
 
 def _ours(
-    solve: _Solve, finite: tuple[int, ...] = _FINITE, orders: tuple[int, ...] = _DEGREES, verified: bool = False
+    solve: _Solve,
+    call: str,
+    finite: tuple[int, ...] = _FINITE,
+    orders: tuple[int, ...] = _DEGREES,
+    verified: bool = False,
 ) -> Iterator[Setting]:
-    """Yield the settings of this package's meshes; ``solve`` takes the model to the answer."""
+    """Yield the settings of this package's meshes; ``solve`` takes the model to the answer, ``call`` is its code."""
+    kind: dict[str, Any] = {"verified": verified, "ours": True}
+    calls = [
+        call.replace("model", f"bc.spray_boom(p, {mesh})") for mesh in ("elements={}", '"high-order", 4, order={}')
+    ]
 
     def elements(n: int, p: BoomParameters, change: float) -> Any:
         return solve(spray_boom(varied(p, change), elements=n))
@@ -53,8 +61,8 @@ def _ours(
     def order(n: int, p: BoomParameters, change: float) -> Any:
         return solve(spray_boom(varied(p, change), "high-order", 4, order=n))
 
-    yield from settings("finite elements", "{} elements", finite, elements, verified=verified, ours=True)
-    yield from settings("high-order elements", "order {}", orders, order, verified=verified, ours=True)
+    yield from settings("finite elements", "{} elements", finite, elements, call=calls[0], **kind)
+    yield from settings("high-order elements", "order {}", orders, order, call=calls[1], **kind)
 
 
 def _others(method: str, sizes: tuple[int, ...], solve: _Solve, *modules: str) -> Iterator[Setting]:
@@ -75,6 +83,8 @@ def boom_sigma() -> Scene:
     def exact(p: BoomParameters, change: float) -> Array:
         return sigma(exact_frequency_response(varied(p, change), _OMEGA, ACTUATORS, TIPS)).sigma
 
+    by_accuracy = "bc.sigma(bc.spray_boom(p, accuracy={:g}, max_frequency_hz=10), omega)"
+    of_exact = "bc.sigma(bc.exact_frequency_response(p, omega, actuators, tips))"
     return Scene(
         title="Singular values of the boom",
         question="From the boom's parameters to the singular values, actuators to tips, at 500 frequencies, 0.1 to 10 Hz.",
@@ -83,13 +93,13 @@ def boom_sigma() -> Scene:
         reference=lambda p: sigma_of(exact_response(p, _OMEGA)[:2, :2]),
         error=lambda p, true, answer: float(np.abs(np.asarray(answer) / true - 1.0).max()),
         methods=(
-            *_ours(lambda model: sigma(model, _OMEGA).sigma),
-            *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True),
-            *settings("exact beam", "no mesh", [()], exact, ours=True),
+            *_ours(lambda model: sigma(model, _OMEGA).sigma, "bc.sigma(model, omega)"),
+            *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True, call=by_accuracy),
+            *settings("exact beam", "no mesh", [()], exact, ours=True, call=of_exact),
             *_others("python-control", _FINITE[:-1], lambda boom: control_sigma(control_boom(boom), _OMEGA)),
             *_others("SciPy, banded solver", (*_FINITE[:-1], 200, 500), lambda boom: banded_sigma(boom, _OMEGA)),
             *sized(
-                _ours(lambda model: sigma(model, _OMEGA).sigma, _MESHES, ()),
+                _ours(lambda model: sigma(model, _OMEGA).sigma, "", _MESHES, ()),
                 _others("python-control", _MESHES, lambda boom: control_sigma(control_boom(boom), _OMEGA)),
             ),
         ),
@@ -117,10 +127,10 @@ def boom_peak() -> Scene:
         reference=peak_in_many_digits,
         error=lambda p, true, answer: abs(answer / true - 1.0),
         methods=(
-            *_ours(peak, verified=True),
+            *_ours(peak, "bc.hinf_norm(model.between()).value", verified=True),
             *_others("control.linfnorm", _FINITE[:-1], by_control, "slycot"),
             *_others("pyMOR, hinf_norm", _FINITE[:4], pymor_norm, "pymor", "slycot"),
-            *sized(_ours(peak, _MESHES, ()), _others("control.linfnorm", _MESHES, by_control, "slycot")),
+            *sized(_ours(peak, "", _MESHES, ()), _others("control.linfnorm", _MESHES, by_control, "slycot")),
         ),
         remarks=(_PLAIN, "Ours proves that no frequency has a larger singular value; the others do not."),
     )
@@ -154,6 +164,7 @@ def boom_time() -> Scene:
     def by_control(boom: PlainBoom) -> Array:
         return np.asarray(control.forced_response(control_boom(boom), time, motion).outputs)
 
+    call = "bc.forced_response(model, time, motion, tips"
     sizes: tuple[tuple[float, tuple[int, ...], tuple[int, ...]], ...]
     sizes = ((1e-2, (6,), (4,)), (1e-3, (20,), (6,)), (1e-4, (50,), ()), (1e-6, (100, 190), (8,)), (1e-8, (), (10, 12)))
     return Scene(
@@ -164,11 +175,11 @@ def boom_time() -> Scene:
         reference=lambda p: exact_motion(p, time, motion),
         error=relative_error(_EQUAL),
         methods=(
-            *(s for rtol, n, k in sizes for s in _ours(ours(rtol), n, k)),
+            *(s for rtol, n, k in sizes for s in _ours(ours(rtol), f"{call}, rtol={rtol:g})", n, k)),
             *_others("control.forced_response", _FINITE[:-1], by_control),
             *_others("scipy.signal.lsim", _FINITE[:-1], lambda boom: lsim(boom, time, motion)),
             *sized(
-                _ours(ours(1e-4), _MESHES, ()),
+                _ours(ours(1e-4), "", _MESHES, ()),
                 _others("scipy.signal.lsim", _MESHES, lambda boom: lsim(boom, time, motion)),
             ),
         ),
@@ -188,6 +199,7 @@ def boom_reduction() -> Scene:
     def theirs(elements: int, order: int, p: BoomParameters, change: float) -> control.StateSpace:
         return control.balred(full(p, change, elements).to_statespace(), order)
 
+    call = "bc.reduce(bc.spray_boom(p, elements={}).select(actuators, tips), {})"
     orders = [(_REDUCED, order) for order in (4, 6, 8, 10, 14, 20, 30)]
     meshes = [(elements, _DEGREE) for elements in _MESHES]
     return Scene(
@@ -198,7 +210,7 @@ def boom_reduction() -> Scene:
         reference=lambda p: resonance_grid(full(p, 0.0)),
         error=lambda p, true, answer: difference(answer, *true),
         methods=(
-            *settings("reduce, balanced", "order {1}", orders, ours, verified=True, ours=True),
+            *settings("reduce, balanced", "order {1}", orders, ours, verified=True, ours=True, call=call),
             *settings("control.balred", "order {1}", orders, theirs, modules=("slycot",)),
             *sized(
                 settings("reduce, balanced", "{} elements", meshes, ours, verified=True, ours=True),

@@ -42,7 +42,8 @@ def _settings(maneuver: Maneuver, timepts: Array, method: str, cases: Cases) -> 
 
     if integrate is None:
         name = "exact beam" if method == "geometrically-exact" else method.upper()
-        return settings(name, "{} modes, rtol {:.0e}", cases, ours, ours=True)
+        call = f'bc.hub_beam(p, "{method}", {{}}).simulate(maneuver, t, rtol={{:g}})'
+        return settings(name, "{} modes, rtol {:.0e}", cases, ours, ours=True, call=call)
 
     def theirs(modes: int, rtol: float, problem: Any, change: float) -> Array:
         return integrate(AssumedModesBeam(machine(change), "sfoam", modes), maneuver, timepts, method, rtol)

@@ -68,6 +68,8 @@ def identification() -> Scene:
         return float(frequency_errors(answer, true).max())
 
     options: dict[str, Any] = {"modules": ("ctrlsys",)}
+    fractions = (1.0 - _FITTED / _SAMPLES, 0.5)
+    call = 'bc.identify(u, y, dt, frequency_range_hz=(5, 490), quantity="acceleration", validation_fraction={:.2g})'
     return Scene(
         title=f"Modes of a steel frame from {_OUTPUTS} accelerometers",
         question=f"From {_SAMPLES:,} simulated samples, errors of {100 * _ERRORS:g} % to {_INSIDE} modes to {BAND[1]:g} Hz.",
@@ -76,7 +78,7 @@ def identification() -> Scene:
         reference=lambda problem: problem[2].imag / (2.0 * np.pi),
         error=error,
         methods=(
-            *settings("identify", "{:.0%} held back", (1.0 - _FITTED / _SAMPLES, 0.5), ours, verified=True, ours=True),
+            *settings("identify", "{:.0%} held back", fractions, ours, verified=True, ours=True, call=call),
             *settings("SLICOT, MOESP", "order {1}", [("MOESP", n) for n in (32, 40, 48)], theirs, **options),
             *settings("SLICOT, N4SID", "order {1}", [("N4SID", n) for n in (32, 40)], theirs, **options),
             *sized(

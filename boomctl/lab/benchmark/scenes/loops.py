@@ -218,6 +218,7 @@ def boom_loop() -> Scene:
     def theirs(modes: int, problem: BoomLoop, change: float) -> Array:
         return BoomLoop.of(change, modes).loop.restarted("RK45", 1e-6)
 
+    call = f"bc.simulate_loop(plant, controller, time, motion, sample_time={_DT:g}, control_limit={_FORCE:g})"
     return Scene(
         title=f"Sampled suspension with a force limit, {_END:g} s at 1 kHz",
         question=f"From the boom's parameters to the motion of its tips over rough ground, {_FORCE:g} N at most.",
@@ -226,7 +227,7 @@ def boom_loop() -> Scene:
         reference=lambda problem: problem.exact(),
         error=relative_error(SUMMED),
         methods=(
-            *settings("simulate_loop", "exact", (_BOOM_MODES,), ours, ours=True),
+            *settings("simulate_loop", "exact", (_BOOM_MODES,), ours, ours=True, call=call),
             *_peers(
                 lambda method, rtol, problem, change: BoomLoop.of(change).loop.restarted(method, rtol),
                 lambda method, rtol, problem, change: BoomLoop.of(change).responded(method, rtol),
@@ -298,6 +299,7 @@ def beam_loop() -> Scene:
         return loop_of(beam(change, modes), _TIME).restarted("RK45", 1e-6)
 
     cases = [(rtol, _BEAM_MODES) for rtol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)]
+    call = f"bc.simulate_loop(beam, controller, time, sample_time={_DT:g}, control_limit={_TORQUE:g}, rtol={{:g}})"
     return Scene(
         title=f"Sampled angle control of the hub-beam with a torque limit, {_END:g} s at 1 kHz",
         question=f"From the beam's parameters, SFOAM, {_BEAM_MODES} modes, to the tip's displacement.",
@@ -305,7 +307,7 @@ def beam_loop() -> Scene:
         reference=lambda problem: beam_reference(beam(), _TIME),
         error=relative_error(SUMMED),
         methods=(
-            *settings("simulate_loop", "rtol {:.0e}", cases, ours, ours=True),
+            *settings("simulate_loop", "rtol {:.0e}", cases, ours, ours=True, call=call),
             *_peers(
                 lambda method, rtol, problem, change: loop_of(beam(change), _TIME).restarted(method, rtol),
                 lambda method, rtol, problem, change: beam_responded(beam(change), _TIME, method, rtol),

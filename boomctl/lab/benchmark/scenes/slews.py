@@ -149,6 +149,7 @@ def slew_time() -> Scene:
 
     cases, sizes = [(rtol, _NMODES) for rtol in (1e-3, 1e-6, 1e-9)], [(1e-3, modes) for modes in _COUNTS]
     kind: dict[str, Any] = {"verified": True, "ours": True}
+    call = f"bc.optimal_slew(beam, {_ANGLE:.5g}, {_LIMIT:g}, rtol={{:g}})"
 
     return _scene(
         "Minimum-time slew",
@@ -156,7 +157,7 @@ def slew_time() -> Scene:
         "switching times, found from Opti's by extrapolated motions",
         lambda problem: least_time(slew_of(duration=_GUESS), 200),
         (
-            *settings("optimal_slew", "rtol {:.0e}", cases, ours, **kind),
+            *settings("optimal_slew", "rtol {:.0e}", cases, ours, **kind, call=call),
             *sized(settings("optimal_slew", "{1} modes", sizes, ours, **kind)),
         ),
         "Ours replays the torque by another integrator; torques held on a mesh take a little longer.",
@@ -172,6 +173,7 @@ def slew_effort() -> Scene:
 
     cases, sizes = [(n, _NMODES) for n in (30, 55, 110, 220, 420)], [(110, modes) for modes in _COUNTS]
     kind: dict[str, Any] = {"verified": True, "ours": True}
+    call = f'bc.optimal_slew(beam, {_ANGLE:.5g}, {_LIMIT:g}, "effort", {_DURATION:g}, intervals={{}})'
 
     return _scene(
         f"Minimum-effort slew in {_DURATION:g} s",
@@ -179,7 +181,7 @@ def slew_effort() -> Scene:
         "any torque, extrapolated from Opti's on fine meshes",
         lambda problem: least_effort(slew_of(), 400),
         (
-            *settings("optimal_slew", "{} intervals", cases, ours, **kind),
+            *settings("optimal_slew", "{} intervals", cases, ours, **kind, call=call),
             *sized(settings("optimal_slew", "{1} modes", sizes, ours, **kind)),
         ),
         "On one mesh all efforts are alike; ours is replayed by another integrator.",

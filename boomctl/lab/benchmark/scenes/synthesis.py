@@ -110,7 +110,15 @@ def h_infinity_scene() -> Scene:
         reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FASTEST).certificate.lower_bound,
         error=excess,
         methods=(
-            *settings("h_infinity", "rtol {:g}", cases, ours, verified=True, ours=True),
+            *settings(
+                "h_infinity",
+                "rtol {:g}",
+                cases,
+                ours,
+                verified=True,
+                ours=True,
+                call="bc.h_infinity(P, 2, 2, rtol={:g})",
+            ),
             *settings("control.hinfsyn", "defaults", [()], hinfsyn, modules=("slycot",)),
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
             *settings("slycot sb10ad, given the level", "{2:.2%} above the best", levels, slycot, modules=("slycot",)),
@@ -170,7 +178,15 @@ def tuning() -> Scene:
         reference=lambda plants: norms(plants, ours(_STARTS, plants, 0.0, seed=1)),
         error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, ROOT),
         methods=(
-            *settings("tune", "{} starts", (1, 2, 5, 10), ours, verified=True, ours=True),
+            *settings(
+                "tune",
+                "{} starts",
+                (1, 2, 5, 10),
+                ours,
+                verified=True,
+                ours=True,
+                call="bc.tune(P, ny, nu, bc.tunable.gain(), n_starts={})",
+            ),
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
             *sized(
                 settings("tune", "{} states", _STATES, sized_ours, verified=True, ours=True),
