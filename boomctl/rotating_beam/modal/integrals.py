@@ -1,6 +1,8 @@
 """Modal integrals of beam and point mass, Eqs. (13)-(20) and (A1)-(A8) of Bai et al. (2009)."""
 
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -95,35 +97,90 @@ def modal_integrals(parameters: HubBeamParameters, modes: int) -> ModalIntegrals
         Number of transverse and of axial modes.
     """
     p = parameters
-    f1, f2 = axial_modes(modes, p.length), transverse_modes(modes, p.length)
-    line, mass, position = p.mass_per_length, p.tip_mass, p._mass_position
-    radius = p.hub_radius + position
-    at1, at2 = f1(position), f2(position)
+    unit = _unit_integrals(modes, p._mass_position / p.length)
+    line, mass, radius = p.mass_per_length, p.tip_mass, p.hub_radius + p._mass_position
+    a, b = unit.axial / p.length, unit.transverse / p.length
 
-    M1 = 0.5 * line * p.length * np.eye(modes) + mass * np.outer(at1, at1)
-    M2 = line * p.length * np.eye(modes) + mass * np.outer(at2, at2)
-    K1 = np.diag(0.5 * p.axial_stiffness * p.length * f1.wavenumbers**2)
-    K2 = np.diag(p.bending_stiffness * p.length * f2.wavenumbers**4)
-    # by parts with f'''' = b^4 f only terms at the ends remain in integrals, but where two wavenumbers nearly agree
-    a, b, odd = f1.wavenumbers, f2.wavenumbers, np.where(np.arange(modes) % 2 == 0, 1.0, -1.0)
-    V1 = line * (p.hub_radius / a + odd / a**2) + mass * radius * at1
-    V2 = line * (2.0 * p.hub_radius * f2.sine / b + 2.0 / b**2) + mass * radius * at2
-
-    x, weights = gauss_points(p.length, 0.5 * f2.wavenumbers[-1] * p.length)
-    outside = line * (p.hub_radius * (p.length - x) + 0.5 * (p.length - x) * (p.length + x))
-    derivatives = f2(x, 1)
-    D = derivatives.T @ ((weights * outside)[:, None] * derivatives) + mass * radius * f2.shortening(position)
-    a, gap = a[:, None], a[:, None] - b
-    np.fill_diagonal(gap, 1.0)
-    overlap = 2.0 * a * b * (np.outer(odd, odd * f2.sine) * a - b) / (gap * (a + b) * (a**2 + b**2))
-    np.fill_diagonal(overlap, weights @ (f1(x) * f2(x)))
-    R = line * overlap + mass * np.outer(at1, at2)
+    M1 = 0.5 * line * p.length * np.eye(modes) + mass * np.outer(unit.at1, unit.at1)
+    M2 = line * p.length * np.eye(modes) + mass * np.outer(unit.at2, unit.at2)
+    K1 = np.diag(0.5 * p.axial_stiffness * p.length * a**2)
+    K2 = np.diag(p.bending_stiffness * p.length * b**4)
     C1, C2 = (_modal_damping(M, K, p.damping_ratio) for M, K in ((M1, K1), (M2, K2)))
     return ModalIntegrals(
         inertia=p.rigid_body_inertia,
-        M1=M1, K1=K1, C1=C1, V1=V1, M2=M2, K2=K2, C2=C2, V2=V2, D=D, R=R,
-        tip1=f1(p.length), tip2=f2(p.length), S_tip=f2.shortening(p.length),
-    )  # fmt: skip
+        M1=M1,
+        K1=K1,
+        C1=C1,
+        V1=line * p.length * (p.hub_radius * unit.V1[0] + p.length * unit.V1[1]) + mass * radius * unit.at1,
+        M2=M2,
+        K2=K2,
+        C2=C2,
+        V2=line * p.length * (p.hub_radius * unit.V2[0] + p.length * unit.V2[1]) + mass * radius * unit.at2,
+        D=line * (p.hub_radius * unit.D[0] + p.length * unit.D[1]) + mass * radius * unit.S_at / p.length,
+        R=line * p.length * unit.R + mass * np.outer(unit.at1, unit.at2),
+        tip1=unit.tip1.copy(),
+        tip2=unit.tip2.copy(),
+        S_tip=unit.S_tip / p.length,
+    )
+
+
+class _UnitIntegrals(NamedTuple):
+    """Integrals of a beam of unit length and density; those of hub radius and of length are separate.
+
+    Attributes
+    ----------
+    axial, transverse : ndarray, n
+        Wavenumbers.
+    V1, V2, D : pair of ndarray
+        Terms for a unit hub radius, and of the beam itself.
+    R : ndarray, n x n
+    at1, at2, tip1, tip2 : ndarray, n
+        Shapes at the point mass and at the free end.
+    S_at, S_tip : ndarray, n x n
+        S there.
+    """
+
+    axial: Array
+    transverse: Array
+    V1: tuple[Array, Array]
+    V2: tuple[Array, Array]
+    D: tuple[Array, Array]
+    R: Array
+    at1: Array
+    at2: Array
+    S_at: Array
+    tip1: Array
+    tip2: Array
+    S_tip: Array
+
+
+@lru_cache(maxsize=16)  # of a parameter study; 2 MB each for 200 modes
+def _unit_integrals(modes: int, position: float) -> _UnitIntegrals:
+    """Compute the integrals of a beam of unit length with the point mass at a position."""
+    f1, f2 = axial_modes(modes, 1.0), transverse_modes(modes, 1.0)
+    # by parts with f'''' = b^4 f only terms at the ends remain in integrals, but where two wavenumbers nearly agree
+    a, b, odd = f1.wavenumbers, f2.wavenumbers, np.where(np.arange(modes) % 2 == 0, 1.0, -1.0)
+    x, weights = gauss_points(1.0, 0.5 * b[-1])
+    derivatives = f2(x, 1)
+    D = tuple(derivatives.T @ ((weights * outside)[:, None] * derivatives) for outside in (1.0 - x, 0.5 * (1.0 - x**2)))
+    row, gap = a[:, None], a[:, None] - b
+    np.fill_diagonal(gap, 1.0)
+    R = 2.0 * row * b * (np.outer(odd, odd * f2.sine) * row - b) / (gap * (row + b) * (row**2 + b**2))
+    np.fill_diagonal(R, weights @ (f1(x) * f2(x)))
+    return _UnitIntegrals(
+        axial=a,
+        transverse=b,
+        V1=(1.0 / a, odd / a**2),
+        V2=(2.0 * f2.sine / b, 2.0 / b**2),
+        D=(D[0], D[1]),
+        R=R,
+        at1=f1(position),
+        at2=f2(position),
+        S_at=f2.shortening(position),
+        tip1=f1(1.0),
+        tip2=f2(1.0),
+        S_tip=f2.shortening(1.0),
+    )
 
 
 def mass_points(parameters: HubBeamParameters, modes: int) -> MassPoints:

@@ -74,8 +74,8 @@ def _by_modes(scene: Scene) -> Motion | None:
 def _by_free_modes(scene: Scene) -> Motion | None:
     form, corners = scene.equations.free_hub_form, np.array([*scene.maneuver.breakpoints, scene.end])
     assert form is not None
-    edges = scene.first_steps(scene.end, graded=False)
     if scene.user_defined:
+        edges = scene.first_steps(scene.end, graded=False)
         jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
         corners = np.concatenate([corners, edges[jumps], edges[jumps + 1]])
     result = free_motion(form, scene, np.unique(corners[(corners > 0.0) & (corners <= scene.end)]))
