@@ -88,7 +88,7 @@ def test_units_and_the_order_of_states_and_signals_do_not_matter(seed, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("elements", [6, 60])
+@pytest.mark.parametrize("elements", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_the_boom_keeps_its_response_and_its_names(method, elements):
     model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
     red = bc.reduce(model, order=10, method=method)

@@ -289,7 +289,7 @@ def root_damped(values):
         (chain, 0.1, 2.0, ["m"]),
         (chain, 0.5, 2.0, ["m1", "m2"]),
         (chain, 0.9, 1.1, ["m1", "m2", "m3"]),
-        (coupled, 0.5, 2.0, ["m1", "m2"]),
+        pytest.param(coupled, 0.5, 2.0, ["m1", "m2"], marks=pytest.mark.slow),
         (root_damped, 1.0, 100.0, ["k"]),
     ],
 )
