@@ -215,7 +215,7 @@ def test_what_is_certified_of_a_few_hard_systems_is_true(quantity):
     assert outcomes(quantity, few)[1] == []
 
 
-@pytest.mark.parametrize("seed", [119, 569, 712, 1078])
+@pytest.mark.parametrize("seed", [119, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (569, 712, 1078))])
 def test_disk_margin_changed_by_rounding_uncertified(seed):
     _, system = hard(seed)
     assert margins_outcome(seed, system, Exact.of(system)) == "uncertified"

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
@@ -56,12 +55,6 @@ def test_slow_poles_are_not_taken_for_integrators(seed, exponent):
         assert not len(without_integrators(system).retained.A)
 
 
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-def test_units_of_time_do_not_matter(scale):
-    system = integrating(np.random.default_rng(3), (2, 1), 1e-3)
-    assert len(without_integrators(Lti(scale * system.A, system.B, system.C, system.D)).retained.A) == 3
-
-
 @examples(40)
 @given(seeds)
 def test_split_system_is_the_sum_of_its_parts(seed):
@@ -78,15 +71,6 @@ def test_split_system_is_the_sum_of_its_parts(seed):
     omega = np.geomspace(0.1, 30.0, 20)
     whole = system.response(omega)
     assert np.abs(one.response(omega) + other.response(omega) - whole).max() <= 1e-9 * np.abs(whole).max()
-
-
-def test_nothing_but_integrators():
-    system = Lti(np.diag([1.0, 1.0], 1), np.ones((3, 1)), np.ones((1, 3)), np.zeros((1, 1)))
-    found = without_integrators(system)
-    assert len(found.retained.A) == 3
-    assert not len(found.rest.A)
-    omega = np.array([0.5, 2.0])
-    np.testing.assert_allclose(found.retained.response(omega), system.response(omega), rtol=1e-13)
 
 
 def _checked(A, condition):
@@ -113,9 +97,3 @@ def test_poles_that_are_one_stay_together(seed, size, condition):
     jordan = linalg.block_diag(np.diag(np.ones(size - 1), 1), np.diag([-1.0, -3.0]))
     V = linalg.qr(rng.standard_normal((len(jordan), len(jordan))))[0]
     assert max(_checked(V @ jordan @ V.T, condition)) == size
-
-
-def test_an_empty_matrix_has_no_blocks():
-    blocks, columns, widths = block_diagonal(np.zeros((0, 0)))
-    assert blocks.shape == columns.shape == (0, 0)
-    assert widths == []

@@ -23,7 +23,7 @@ from tests.hard_systems import unimodular
 from tests.profiles import is_hunt, is_quick
 
 SLACK = 1e-12  # relative: what the last digits of a bound may do
-SYSTEMS = 240 if is_hunt() else 16 if is_quick() else 96  # drawn at random
+SYSTEMS = 240 if is_hunt() else 12 if is_quick() else 96  # drawn at random
 RESPONSE_BITS, POLE_BITS = 600, 1500  # of the oracles: far above what the entries of these systems need
 SMALL = 8  # states up to which an H2 norm is computed exactly, by a linear equation of that number squared
 

@@ -1,63 +1,12 @@
-"""Systems joined: side by side, one behind the other, a plant closed by a controller."""
+"""What becomes a system, with its names, and what is refused."""
 
-import control
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
 
 from boomctl.boom.factory import spray_boom
-from boomctl.lti import bilinear
-from boomctl.lti.system import Lti, append, lower_lft, of, series, static
+from boomctl.lti import bilinear, system
+from boomctl.lti.system import Lti, of
 from tests.refusals import assert_refused, refusals
-
-OMEGA = np.array([0.0, 0.3, 2.0, 50.0])
-
-
-def random(seed: int, states: int, inputs: int, outputs: int, names: str = "") -> Lti:
-    rng = np.random.default_rng(seed)
-    A = rng.normal(size=(states, states)) - 3.0 * np.eye(states)
-    B, C, D = (rng.normal(size=shape) for shape in ((states, inputs), (outputs, states), (outputs, inputs)))
-    labels = (
-        tuple(f"{names}{kind}{i}" for i in range(n)) for kind, n in (("u", inputs), ("y", outputs), ("x", states))
-    )
-    return Lti(A, B, C, D, *labels)
-
-
-def at(system: Lti) -> np.ndarray:
-    return np.moveaxis(system.response(OMEGA), 2, 0)
-
-
-def test_side_by_side():
-    a, b, gain = random(1, 2, 1, 3, "a"), random(2, 3, 2, 1, "b"), static(np.array([[2.0, 3.0]]), "pq", "r")
-    joined = append(a, gain, b)
-    assert joined.input_labels == (*a.input_labels, "p", "q", *b.input_labels)
-    assert joined.output_labels == (*a.output_labels, "r", *b.output_labels)
-    assert joined.state_labels == a.state_labels + b.state_labels
-    G = at(joined)
-    assert_allclose(G[:, :3, :1], at(a))
-    assert_allclose(G[:, 3, 1:3], np.tile([2.0, 3.0], (4, 1)))
-    assert_allclose(G[:, 4:, 3:], at(b))
-    unnamed = append(a, static(np.eye(1)))
-    assert (unnamed.input_labels, unnamed.output_labels, unnamed.state_labels) == ((), (), a.state_labels)
-    assert not G[:, :3, 1:].any()
-
-
-def test_one_behind_the_other():
-    a, b = random(1, 2, 1, 3, "a"), random(2, 3, 3, 2, "b")
-    joined = series(a, b)
-    assert (joined.input_labels, joined.output_labels) == (a.input_labels, b.output_labels)
-    assert joined.state_labels == a.state_labels + b.state_labels
-    assert_allclose(at(joined), at(b) @ at(a))
-
-
-def test_lower_lft_is_that_of_python_control():
-    P, K = random(3, 4, 3, 4, "p"), random(4, 2, 2, 1, "k")
-    loop = lower_lft(P, K)
-    assert (loop.input_labels, loop.output_labels) == (P.input_labels[:2], P.output_labels[:2])
-    assert loop.state_labels == P.state_labels + K.state_labels
-    peer = control.ss(P.A, P.B, P.C, P.D).lft(control.ss(K.A, K.B, K.C, K.D))
-    for ours, theirs in ((loop.A, peer.A), (loop.B, peer.B), (loop.C, peer.C), (loop.D, peer.D)):
-        assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("bandwidth", [None, 20.0])
@@ -89,7 +38,7 @@ bc.hinf_norm(control.ss(-ONE, [[1.0, 1.0]], ONE, [[0.0, 0.0]], inputs=["u", "u"]
 
 @refusals(REFUSED)
 def test_system_that_is_none_is_refused(call, words):
-    assert_refused(call, words, globals() | vars(bilinear))
+    assert_refused(call, words, vars(bilinear) | vars(system) | globals())
 
 
 def test_dots_in_names_become_what_python_control_allows():

@@ -133,13 +133,6 @@ def test_plot_invalid_axes_or_style_raises(name):
     assert not plt.get_fignums()
 
 
-def test_a_misspelt_style_is_told_the_nearest():
-    with pytest.raises(TypeError, match=r"unexpected keyword argument 'colour', .*; did you mean 'color'"):
-        one.track().plot(colour="red")
-    with pytest.raises(TypeError, match=r"'dB', .*; bode\(\.\.\.\)\.response\.plot\(\.\.\.\) is python-control's"):
-        one.track().plot(dB=True)
-
-
 def test_a_part_of_a_figure_is_divided():
     left, right = Figure(layout="constrained").subfigures(1, 2)
     axes = one.loop().plot(left)

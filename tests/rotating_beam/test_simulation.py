@@ -57,7 +57,9 @@ def test_residual_energy_steady_rotation_zero(model):
     assert beam.residual_energy(steady + bent_and_spinning(beam, 0.1, 0.0), speed) > 0.0
 
 
-@pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam", "geometrically-exact"])
+@pytest.mark.parametrize(
+    "model", ["tlam", "sfoam", "foam", "cfoam", pytest.param("geometrically-exact", marks=pytest.mark.slow)]
+)
 def test_prescribed_motion_needs_the_torque_that_reproduces_it(model):
     """The torque that a prescribed motion needs, applied to the free hub, gives that motion."""
     beam = hub_beam(LOADED, model, 2)

@@ -284,7 +284,7 @@ def linear_problem(modes, tip_mass=0.1, angle=np.pi / 2, limit=200.0):
     return slew_problem(beam, angle, Limits(limit), "time", None)
 
 
-@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize("modes", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("tip_mass", "angle", "limit"), [(0.1, np.pi / 2, 200.0), (2.0, 0.3, 50.0), (0.0, -2.0, 400.0)]
 )

@@ -102,11 +102,14 @@ def edge(point):
         *((merit, name, 1, T.objective(), {}) for name in ("free", "notch")),
         (merit, "ppf", 1, T.objective("u[0]", "y[0]", norm="h2"), {}),  # finite with any controller
         (merit, "strictly proper", 1, T.objective(norm="h2"), {}),
-        *((edge, name, 3, T.objective(), {}) for name in ("free", "notch")),
+        (edge, "free", 3, T.objective(), {}),
+        pytest.param(edge, "notch", 3, T.objective(), {}, marks=pytest.mark.slow),
         (merit, "free", 3, T.objective(), {DAMPING: 0.99}),
         (merit, "free", 3, T.objective(), {DECAY: 50.0}),
         (merit, "free", 3, T.objective(), {FASTEST_POLE: 1e-3}),
-        (merit, "ppf", 3, T.objective(), {FASTEST_POLE: 1e-3}),  # of a pair of poles
+        pytest.param(
+            merit, "ppf", 3, T.objective(), {FASTEST_POLE: 1e-3}, marks=pytest.mark.slow
+        ),  # of a pair of poles
         (merit, "free", 3, T.objective(), {GAIN_LIMIT: 1e-3}),
         (abscissa, "free", 4, T.objective(), {}),  # two poles of about that size
         (abscissa, "free", 3, T.objective(), {FASTEST_POLE: 1e-3}),
