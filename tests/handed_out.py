@@ -81,7 +81,7 @@ def tuned():
         return make
 
     channels = [bc.tunable.objective("w_force"), bc.tunable.constraint("n_position", "z_force", 0.5)]
-    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, n_starts=2)
+    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, n_starts=1)
 
 
 @functools.cache

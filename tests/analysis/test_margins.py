@@ -285,7 +285,7 @@ def test_margin_is_where_brute_force_loses_stability(kind, seed):
                 assert not stable(1.0, loop.delay_margin * (1.0 + 1e-3))
 
 
-@pytest.mark.parametrize("gain", [1.2, 1.7])
+@pytest.mark.parametrize("gain", [1.2, pytest.param(1.7, marks=pytest.mark.slow)])
 def test_delay_margin_of_sampled_integrator_in_closed_form(gain):
     """With ``u = -gain y/h``, ``d`` late, the poles are the roots of ``z^2 - (1 - gain (1 - d/h)) z + gain d/h``."""
     h = 0.5

@@ -79,7 +79,7 @@ def test_worst_case_bounds_the_box_and_is_attained(numbers):
         )
 
 
-@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize("sampled", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_worst_h2_norm_with_injection_is_attained(sampled):
     for seed in (1, 2):
         case = Judged(seed).sampled() if sampled else Judged(seed)

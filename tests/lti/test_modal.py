@@ -73,6 +73,15 @@ def test_split_system_is_the_sum_of_its_parts(seed):
     assert np.abs(one.response(omega) + other.response(omega) - whole).max() <= 1e-9 * np.abs(whole).max()
 
 
+def test_nothing_but_integrators():
+    system = Lti(np.diag([1.0, 1.0], 1), np.ones((3, 1)), np.ones((1, 3)), np.zeros((1, 1)))
+    found = without_integrators(system)
+    assert len(found.retained.A) == 3
+    assert not len(found.rest.A)
+    omega = np.array([0.5, 2.0])
+    np.testing.assert_allclose(found.retained.response(omega), system.response(omega), rtol=1e-13)
+
+
 def _checked(A, condition):
     """Return the widths of the blocks, after a look at what they promise."""
     blocks, columns, widths = block_diagonal(A, condition)

@@ -1,12 +1,44 @@
-"""What becomes a system, with its names, and what is refused."""
+"""What becomes a system, with its names, and systems side by side."""
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from boomctl.boom.factory import spray_boom
 from boomctl.lti import bilinear, system
-from boomctl.lti.system import Lti, of
+from boomctl.lti.system import Lti, append, of, static
 from tests.refusals import assert_refused, refusals
+
+OMEGA = np.array([0.0, 0.3, 2.0, 50.0])
+
+
+def random(seed: int, states: int, inputs: int, outputs: int, names: str = "") -> Lti:
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(states, states)) - 3.0 * np.eye(states)
+    B, C, D = (rng.normal(size=shape) for shape in ((states, inputs), (outputs, states), (outputs, inputs)))
+    labels = (
+        tuple(f"{names}{kind}{i}" for i in range(n)) for kind, n in (("u", inputs), ("y", outputs), ("x", states))
+    )
+    return Lti(A, B, C, D, *labels)
+
+
+def at(system: Lti) -> np.ndarray:
+    return np.moveaxis(system.response(OMEGA), 2, 0)
+
+
+def test_side_by_side():
+    a, b, gain = random(1, 2, 1, 3, "a"), random(2, 3, 2, 1, "b"), static(np.array([[2.0, 3.0]]), "pq", "r")
+    joined = append(a, gain, b)
+    assert joined.input_labels == (*a.input_labels, "p", "q", *b.input_labels)
+    assert joined.output_labels == (*a.output_labels, "r", *b.output_labels)
+    assert joined.state_labels == a.state_labels + b.state_labels
+    G = at(joined)
+    assert_allclose(G[:, :3, :1], at(a))
+    assert_allclose(G[:, 3, 1:3], np.tile([2.0, 3.0], (4, 1)))
+    assert_allclose(G[:, 4:, 3:], at(b))
+    unnamed = append(a, static(np.eye(1)))
+    assert (unnamed.input_labels, unnamed.output_labels, unnamed.state_labels) == ((), (), a.state_labels)
+    assert not G[:, :3, 1:].any()
 
 
 @pytest.mark.parametrize("bandwidth", [None, 20.0])

@@ -119,7 +119,9 @@ def test_plot_on_given_axes_and_style(name):
     assert not plt.get_fignums()
 
 
-@EACH
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n[0] in "SP" else pytest.mark.slow) for n in sorted(PLOTS)]
+)  # one place refuses
 def test_plot_invalid_axes_or_style_raises(name):
     (result, count), ax = made(name), Figure().add_subplot()
     plt.close("all")

@@ -181,7 +181,10 @@ def test_residual_after_400_newton_meters(model):
 
 @pytest.mark.parametrize(
     ("model", "maneuver", "atol"),
-    [("foam", sine_torque(100.0, 4.0, 4.0), 1e-12), ("geometrically-exact", spin_up(2.0, 4.0), 2e-8)],
+    [
+        ("foam", sine_torque(100.0, 4.0, 4.0), 1e-12),
+        pytest.param("geometrically-exact", spin_up(2.0, 4.0), 2e-8, marks=pytest.mark.slow),
+    ],
 )
 def test_result_does_not_depend_on_the_instants_asked_for(model, maneuver, atol):
     beam = hub_beam(BAI, model, 2)

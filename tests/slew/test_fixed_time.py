@@ -70,7 +70,7 @@ def test_each_objective_is_best_at_its_own(beam):
         ("speed_limit", 0.7),
         pytest.param("tip_limit", 1.0, marks=pytest.mark.slow),
         pytest.param("moment_limit", 35.0, marks=pytest.mark.slow),
-        ("torque_rate_limit", 800.0),
+        pytest.param("torque_rate_limit", 800.0, marks=pytest.mark.slow),
     ],
 )
 def test_limits_are_kept_on_a_dense_replay(beam, name, value):

@@ -186,7 +186,7 @@ def largest_gain(loop, omega):
     return np.linalg.norm(loop.C @ states + loop.D, 2)
 
 
-@pytest.mark.parametrize("norm", ["hinf", "h2", "slowest pole"])
+@pytest.mark.parametrize("norm", ["hinf", pytest.param("h2", marks=pytest.mark.slow), "slowest pole"])
 @examples(40)
 @given(st.integers(0, 10_000))
 def test_gradient_of_moving_plant_is_its_difference(norm, seed):
