@@ -81,7 +81,7 @@ def tuned():
         return make
 
     channels = [bc.tunable.objective("w_force"), bc.tunable.constraint("n_position", "z_force", 0.5)]
-    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, n_starts=2)
+    return bc.tune([plant(4.0), plant(5.0)], 1, 1, parts, channels=channels, n_starts=1)
 
 
 @functools.cache
@@ -276,7 +276,7 @@ FACTORIES = {
     "Margins": lambda: bc.margins(yaw(), suspension()),
     "RobustStability": lambda: bc.robust_stability(family(), suspension()),
     "RobustStabilityMargin": lambda: bc.analysis.robust_stability_margin(family(), suspension(), max_factor=1.2),
-    "WorstCase": lambda: bc.worst_case(family(), suspension(), ["actuator_anti"], ["tip_anti"]),
+    "WorstCase": lambda: bc.worst_case(family(), suspension(), ["actuator_anti"], ["tip_anti"], rtol=0.2),
     "NyquistStability": exact_loop,
     "MeasuredFrequencyResponse": measured_curve,
     "FrequencyResponseEstimate": measured_response,

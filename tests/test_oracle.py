@@ -23,7 +23,7 @@ from tests.profiles import is_hunt
 
 ALL = 2000  # systems of the slow tests; of poles and reductions every third
 SOME = 300  # of them in the full profile; all for reductions: two refused of so few would be more than SHARE
-FEW = range(45)  # of the quick tests
+FEW = range(30)  # of the quick tests, two of each kind
 SLACK = 1e-12  # relative: what the last digits of a bound may do
 DAMPED = 1e-6  # damping ratio from which on no more than SHARE may be refused or uncertified
 INTEGRATING = 1e-14  # share of the fastest pole below which a pole is one at zero that rounding moved
@@ -215,7 +215,7 @@ def test_what_is_certified_of_a_few_hard_systems_is_true(quantity):
     assert outcomes(quantity, few)[1] == []
 
 
-@pytest.mark.parametrize("seed", [119, 569, 712, 1078])
+@pytest.mark.parametrize("seed", [119, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (569, 712, 1078))])
 def test_disk_margin_changed_by_rounding_uncertified(seed):
     _, system = hard(seed)
     assert margins_outcome(seed, system, Exact.of(system)) == "uncertified"

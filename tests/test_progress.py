@@ -78,13 +78,6 @@ def test_nested_computation_reports_to_outer():
     assert str(_Computation("outer", None).now()) == "outer (0 s)"  # before its first stage
 
 
-def test_listener_that_is_no_function_raises():
-    with pytest.raises(TypeError, match=r"progress = .*: expected a function of a Progress, or None"):
-        CALLS["reduction"](progress=True)
-    with pytest.raises(TypeError, match=r"listener = .*: expected a function"), bc.progress_callback("yes"):
-        pass
-
-
 SCRIPT = """
 import sys, time
 import boomctl.progress as p

@@ -57,7 +57,7 @@ def test_poles_whose_image_rounding_hides_have_a_norm():
     assert found.lower_bound == pytest.approx(float(at_the_end), rel=1e-9)
 
 
-@pytest.mark.parametrize("states", [2, 3, 4])
+@pytest.mark.parametrize("states", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 4))])
 def test_norm_at_nyquist_frequency_of_defective_system(states):
     for seed in range(40):
         rng = np.random.default_rng(seed)

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from scipy import linalg
 
 from boomctl.analysis import margins
-from boomctl.analysis.margins import _crossings
 from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from tests.analysis.loop_cases import SIGNALS, chain, radius, velocity_feedback
 from tests.profiles import examples
@@ -90,13 +89,6 @@ def test_a_gain_of_one_at_rest_alone_bears_any_delay(order, decade, spread):
     found = opened(cascade(*roots), 1.0)
     assert found.delay_margin == np.inf
     assert (found.phase_margin_deg, found.phase_margin_omega) == (180.0, 0.0)
-
-
-def test_crossing_is_located_in_response():
-    """An eigenvalue with an error of 1e-4 leads to all digits of the crossing; without a change of sign there is none."""
-    crossed, others = _crossings(np.array([1.0001j, 3.0j]), lambda omega: omega**2 - 1.0)
-    assert crossed == pytest.approx([1.0], rel=1e-14)
-    assert others.tolist() == [3.0]
 
 
 @pytest.mark.parametrize(("damping", "omega"), [(1.0, 1.0), (0.3, 1.0), (0.1, 7.0)])
@@ -293,7 +285,7 @@ def test_margin_is_where_brute_force_loses_stability(kind, seed):
                 assert not stable(1.0, loop.delay_margin * (1.0 + 1e-3))
 
 
-@pytest.mark.parametrize("gain", [1.2, 1.7])
+@pytest.mark.parametrize("gain", [1.2, pytest.param(1.7, marks=pytest.mark.slow)])
 def test_delay_margin_of_sampled_integrator_in_closed_form(gain):
     """With ``u = -gain y/h``, ``d`` late, the poles are the roots of ``z^2 - (1 - gain (1 - d/h)) z + gain d/h``."""
     h = 0.5

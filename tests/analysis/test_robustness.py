@@ -49,8 +49,8 @@ def test_an_uncertain_spring_bears_what_its_closed_form_says(gain, width, damper
 def test_sampled_robust_stability_margin_brackets():
     family = oscillators({"k": (3.0, 5.0)}, damper=0.2)
     K = control.ss([], [], [], [[1.0]], 0.1, inputs=["y"], outputs=["u"])
-    found = robust_stability_margin(family, K, rtol=0.02, delay=0.05)
-    assert 0.0 < found.lower_bound < found.upper_bound < 1.03 * found.lower_bound
+    found = robust_stability_margin(family, K, rtol=0.05, delay=0.05)
+    assert 0.0 < found.lower_bound < found.upper_bound < 1.06 * found.lower_bound
     for factor, stable in ((found.lower_bound, True), (1.001 * found.upper_bound, False)):
         loops = [feedback_loop(family.at([end]), K, "u", delay=0.05) for end in (-factor, 0.0, factor)]
         assert all((np.abs(loop.poles()) < 1.0).all() for loop in loops) == stable

@@ -93,7 +93,15 @@ UNREACHED = control.ss(np.diag([-1.0, -2.0]), [[1.0], [0.0]], [[0.0, 1.0]], 0.0,
 
 
 @pytest.mark.parametrize(
-    ("K", "by"), [(damper(), 0.0), (damper(0.0), 1.0), (bc.discretize(damper(), 0.1), 0.0), (UNREACHED, 1.0)]
+    ("K", "by"),
+    [
+        (damper(), 0.0),
+        (UNREACHED, 1.0),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in ((damper(0.0), 1.0), (bc.discretize(damper(), 0.1), 0.0))
+        ),
+    ],
 )
 def test_uncertainty_that_misses_the_control_changes_nothing(K, by):
     nominal = bc.robust_stability(family(), K)

@@ -130,9 +130,7 @@ def test_a_file_that_is_no_motion_is_refused(tmp_path, text, message):
     assert str(path) in str(caught.value)
 
 
-def test_a_file_that_is_not_there_or_not_text_is_refused(tmp_path):
-    with pytest.raises(OSError, match=r"none\.csv"):
-        bc.read_motion(tmp_path / "none.csv")
+def test_a_file_that_is_not_text_is_refused(tmp_path):
     (tmp_path / "raw.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(ValueError, match="expected text in UTF-8"):
         bc.read_motion(tmp_path / "raw.csv")
@@ -147,7 +145,7 @@ def test_a_sweep_runs_from_its_first_frequency_to_its_last(logarithmic, start, s
     share = t / 20.0
     frequency = start * (stop / start) ** share if logarithmic else start + (stop - start) * share
     cycles = np.concatenate([[0.0], np.cumsum(0.5 * (frequency[1:] + frequency[:-1]) * np.diff(t))])
-    assert y == pytest.approx(0.02 * np.sin(2 * np.pi * cycles), abs=1e-5)
+    assert np.allclose(y, 0.02 * np.sin(2 * np.pi * cycles), rtol=0.0, atol=1e-5)
     assert np.abs(motion.yaw).max() == 0.0
 
 
@@ -155,8 +153,8 @@ def test_a_sweep_moves_what_it_says():
     for motion, left, right in (("jolt", 1, 1), ("yaw", -1, 1), ("left", 1, 0), ("right", 0, 1)):
         found = bc.sine_sweep(0.1, 2.0, 5.0, 0.02, motion)
         wave = bc.sine_sweep(0.1, 2.0, 5.0, 0.02).left
-        assert found.left == pytest.approx(left * wave)
-        assert found.right == pytest.approx(right * wave)
+        assert np.allclose(found.left, left * wave, rtol=1e-6, atol=1e-12)
+        assert np.allclose(found.right, right * wave, rtol=1e-6, atol=1e-12)
 
 
 def test_a_quotation_mark_in_a_comment_swallows_no_samples(tmp_path):

@@ -101,6 +101,10 @@ sprayed(nozzles=[-5.0, 0.0, 4.0]) -> `nozzles` must be at least two positions, a
 bc.boom.split_jolt_yaw(MOVED, PLACES + 0.1) -> symmetrically about x = 0
 bc.nozzle_positions(spacing=20.0) -> spacing = 20.0: expected a number from 6e-07 to 12 m
 bc.nozzle_positions(spacing=1e-12) -> spacing = 1e-12: expected a number from
+bc.read_motion("none.csv") -> OSError: none\.csv
+# pictures
+one.track().plot(colour="red") -> unexpected keyword argument 'colour', .*; did you mean 'color'
+one.track().plot(dB=True) -> 'dB', .*; bode\(\.\.\.\)\.response\.plot\(\.\.\.\) is python-control's
 """
 
 

@@ -92,11 +92,11 @@ def test_field_is_the_same_elsewhere_mirrored_and_twice_as_fast(seed, cells, sta
     t, moved, x = 0.02 * np.arange(401), wandering(np.random.default_rng(seed), 8, 401, 0.05), X[8:16]
     here, mirrored = (bc.spray_deposit(t, path, x, 2.0) for path in (moved, moved[::-1]))
     there, fast = bc.spray_deposit(start + t, moved + 0.1 * cells, x, 2.0), bc.spray_deposit(0.5 * t, moved, x, 4.0)
-    assert mirrored.deposit[::-1] == pytest.approx(here.deposit, abs=1e-9)
-    assert there.deposit == pytest.approx(here.deposit, abs=1e-7)
+    assert np.allclose(mirrored.deposit[::-1], here.deposit, rtol=0.0, atol=1e-9)
+    assert np.allclose(there.deposit, here.deposit, rtol=0.0, atol=1e-7)
     assert there.cv == pytest.approx(here.cv, rel=1e-6)
     assert there.y_edges[0] - here.y_edges[0] == pytest.approx(0.1 * cells, abs=1e-6)
-    assert fast.deposit == pytest.approx(here.deposit, abs=1e-9)
+    assert np.allclose(fast.deposit, here.deposit, rtol=0.0, atol=1e-9)
     assert fast.relative_tip_speed == pytest.approx(here.relative_tip_speed)
 
 
@@ -115,7 +115,7 @@ def test_straight_boom_matches_all_nozzles():
     t, tips = 0.02 * np.arange(801), wandering(rng, 2, 801, 0.1)
     every = tips[0] + (tips[1] - tips[0]) * (X[:, None] + 6.0) / 12.0
     short = bc.spray_deposit(t, tips, [-6.0, 6.0], 2.0, nozzles=X)
-    assert bc.spray_deposit(t, every, X, 2.0).deposit == pytest.approx(short.deposit, abs=1e-9)
+    assert np.allclose(bc.spray_deposit(t, every, X, 2.0).deposit, short.deposit, rtol=0.0, atol=1e-9)
     assert short.rms_tip_speed == pytest.approx(np.sqrt(np.mean((np.diff(tips) / 0.02) ** 2, axis=1)).max())
 
 
@@ -123,9 +123,9 @@ def test_jolt_and_yaw_apart_add_up_to_the_motion():
     rng = np.random.default_rng(2)
     moved = wandering(rng, 24, 801, 0.03)
     jolt, yaw = bc.boom.split_jolt_yaw(moved, X)
-    assert jolt + yaw == pytest.approx(moved)
-    assert jolt == pytest.approx(jolt[::-1])
-    assert yaw == pytest.approx(-yaw[::-1])
+    assert np.allclose(jolt + yaw, moved, rtol=1e-6, atol=1e-12)
+    assert np.allclose(jolt, jolt[::-1], rtol=1e-6, atol=1e-12)
+    assert np.allclose(yaw, -yaw[::-1], rtol=1e-6, atol=1e-12)
     t = 0.02 * np.arange(801)
     total, of_jolt, of_yaw = bc.spray_deposit_components(t, jolt, X, 2.0)
     assert of_jolt.cv == pytest.approx(total.cv)
@@ -192,7 +192,7 @@ def test_cells_are_judged_only_where_all_neighbors_spray(width, shape):
     more = bc.spray_deposit(t, np.zeros((26, 1001)), longer, 2.5, footprint=footprint)
     start = int(np.flatnonzero(np.isclose(more.x_edges, found.x_edges[found.x_slice.start]))[0])
     same = more.deposit[start : start + len(found.evaluated_deposit), found.y_slice]
-    assert same == pytest.approx(found.evaluated_deposit, abs=1e-9)
+    assert np.allclose(same, found.evaluated_deposit, rtol=0.0, atol=1e-9)
     assert len(found.evaluated_deposit) > 20
 
 
@@ -202,4 +202,4 @@ def test_a_thick_footprint_on_fine_cells_is_done_in_portions(monkeypatch):
     options = {"footprint": bc.boom.Footprint(1.0, 1.0), "cell_size": (0.5, 0.01)}
     whole = bc.spray_deposit(*arguments, **options).deposit
     monkeypatch.setattr("boomctl.boom.spray._PORTION", 500)
-    assert bc.spray_deposit(*arguments, **options).deposit == pytest.approx(whole, abs=1e-12)
+    assert np.allclose(bc.spray_deposit(*arguments, **options).deposit, whole, rtol=0.0, atol=1e-12)

@@ -89,8 +89,8 @@ def test_tractor_mirror_symmetry():
     track = bc.iso_track("D", 60.0, 2)
     mirrored = replace(track, left=track.right, right=track.left)
     found, other = (bc.platform_motion(item, P, 2.5) for item in (track, mirrored))
-    assert found.left == pytest.approx(other.right, abs=1e-12)
-    assert found.yaw == pytest.approx(-other.yaw, abs=1e-12)
+    assert np.allclose(found.left, other.right, rtol=0.0, atol=1e-12)
+    assert np.allclose(found.yaw, -other.yaw, rtol=0.0, atol=1e-12)
     even = bc.platform_motion(bc.iso_track("D", 60.0, 2, coherence="full"), P, 2.5)
     assert np.abs(even.yaw).max() < 1e-12
     assert even.jolt.std() > 1e-3
@@ -123,8 +123,8 @@ def test_tractor_without_steering_changes_heading():
 def test_tractor_invariant_to_track_sampling():
     track = bc.iso_track("C", 40.0, 1, spacing=0.04, wave_number_range=(0.05, 3.0))
     coarse, fine = (bc.platform_motion(track, P, 2.0, sample_time=h) for h in (0.02, 0.005))
-    assert fine.left[::4] == pytest.approx(coarse.left, abs=1e-7 * coarse.left.std())
-    assert fine.right[::4] == pytest.approx(coarse.right, abs=1e-7 * coarse.right.std())
+    assert np.allclose(fine.left[::4], coarse.left, rtol=0.0, atol=1e-7 * coarse.left.std())
+    assert np.allclose(fine.right[::4], coarse.right, rtol=0.0, atol=1e-7 * coarse.right.std())
 
 
 def test_tractor_harmonics_match_frequency_response():
@@ -184,18 +184,18 @@ def test_tractor_coarse_samples():
     motion = bc.platform_motion(track, sharp, speed=1e-4, sample_time=200.0)
     ended = bc.platform_motion(replace(track, periodic=False), sharp, speed=1e-4, sample_time=200.0)
     count = len(ended.left) - 1
-    assert motion.left[1:count] == pytest.approx(ended.left[1:count], abs=1e-3 * motion.left.std())
+    assert np.allclose(motion.left[1:count], ended.left[1:count], rtol=0.0, atol=1e-3 * motion.left.std())
 
 
 def test_slow_steering_motion_is_periodic():
     """The time it takes to forget the start is 100 rounds; driven once more, the motion is the same."""
     once = bc.platform_motion(ROUND, SLOW, 2.0, sample_time=0.02)
     twice = bc.platform_motion(ROUND, SLOW, 2.0, duration=40.0, sample_time=0.02)
-    assert twice.left[: len(once.left)] == pytest.approx(once.left, abs=1e-9)
-    assert twice.left[1000:] == pytest.approx(twice.left[:1001], abs=1e-6 * twice.left.std())
+    assert np.allclose(twice.left[: len(once.left)], once.left, rtol=0.0, atol=1e-9)
+    assert np.allclose(twice.left[1000:], twice.left[:1001], rtol=0.0, atol=1e-6 * twice.left.std())
     assert once.yaw[-1] == pytest.approx(once.yaw[0], abs=1e-6 * once.yaw.std())
 
 
 def test_slow_steering_converges_with_sampling():
     coarse, fine = (bc.platform_motion(ROUND, SLOW, 2.0, 10.0, sample_time=h) for h in (0.01 / 0.97, 0.001 / 0.97))
-    assert fine.yaw[::10][: len(coarse.yaw)] == pytest.approx(coarse.yaw, abs=3e-3 * np.abs(coarse.yaw).max())
+    assert np.allclose(fine.yaw[::10][: len(coarse.yaw)], coarse.yaw, rtol=0.0, atol=3e-3 * np.abs(coarse.yaw).max())

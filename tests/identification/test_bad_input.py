@@ -110,6 +110,7 @@ fit(data=frequencies(CHAIN)[:2]).family()
     -> family: expected parameters that the measurements bound, got k1 from 0 to inf
 band(data=[1.0, 2.0]) -> data: expected a complex frequency response, got eigenfrequencies
 band(data=EXACT, model=EXACT) -> model: expected one that leaves something .* from volt to motor
+bc.read_frequency_response("none/shaker.uff") -> OSError: shaker\.uff
 """
 
 

@@ -116,7 +116,7 @@ def drawn_chain(rng, relative):
     return bc.fit(lambda p: response(p, omega), data, free, truth, n_starts=1, error_model="absolute")
 
 
-@pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [4, pytest.param(200, marks=pytest.mark.slow)])
 def test_relative_errors_fitted_as_absolute_are_stated(count):
     rng = np.random.default_rng(0)
     stated = [[drawn_chain(rng, relative).certificate.errors_grow for relative in (False, True)] for _ in range(count)]

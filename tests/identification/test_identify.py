@@ -150,7 +150,7 @@ def test_other_quantities_have_same_poles_and_structure(quantity):
     assert all(np.abs(mode.shape - shape).max() < 0.05 for mode, shape in zip(found.modes, shapes, strict=True))
 
 
-@pytest.mark.parametrize("damping", [0.002914805550677383, 0.016040793121684927])
+@pytest.mark.parametrize("damping", [0.002914805550677383, pytest.param(0.016040793121684927, marks=pytest.mark.slow)])
 def test_exact_response_gives_exact_modes(damping):
     """Rounding errors are no mode."""
     model = three_masses(damping)
@@ -309,7 +309,7 @@ def test_what_has_no_modes_is_said_in_one_line(chain):
 
 
 @pytest.mark.parametrize("kind", ["steps", "second-order noise"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))])
 def test_default_band_of_low_pass_inputs_has_the_mode(kind, seed):
     rng = np.random.default_rng(seed)
     hz, ratio = rng.uniform(2.0, 8.0), 0.01

@@ -250,7 +250,10 @@ RECORDS = os.environ.get("BOOMCTL_RECORDS")
 @pytest.mark.skipif(RECORDS is None, reason="BOOMCTL_RECORDS names no folder")
 @pytest.mark.parametrize(
     ("file", "expected"),
-    [("steel_frame/flexibleStructure.mat", "bl")] + [(f"ruler_robot/ruler_swept{k}.txt", "zoh") for k in range(1, 6)],
+    [
+        pytest.param("steel_frame/flexibleStructure.mat", "bl", marks=pytest.mark.slow),
+        *((f"ruler_robot/ruler_swept{k}.txt", "zoh") for k in range(1, 6)),
+    ],
 )
 def test_intersample_of_measured_records_is_determined(file, expected):
     path = Path(RECORDS or "") / file

@@ -1,61 +1,34 @@
-"""The bilinear map: the same response at frequencies that belong together, there and back again."""
+"""The bilinear map: the same response at frequencies that belong together."""
 
 import mpmath as mp
 import numpy as np
-import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
-from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
+from boomctl.lti.bilinear import continuous_image, image_of_omega
 from boomctl.lti.modal import ModalSystem, continuous_image_of_modes
 from boomctl.lti.system import Lti
 from tests.profiles import examples
 
 
-def discrete(seed, slack=None):
+def discrete(seed):
     rng = np.random.default_rng(seed)
     n, m, p = (int(k) for k in rng.integers(1, 7, 3))
     A = rng.standard_normal((n, n))
-    A *= (1.0 - (10.0 ** rng.uniform(-6, -0.2) if slack is None else slack)) / np.abs(np.linalg.eigvals(A)).max()
+    A *= 0.9 / np.abs(np.linalg.eigvals(A)).max()
     B, C, D = rng.standard_normal((n, m)), rng.standard_normal((p, n)), rng.standard_normal((p, m))
     return Lti(A, B, C, D, dt=float(10.0 ** rng.uniform(-4, 1)))
 
 
 @given(st.integers(0, 10_000))
 def test_an_image_responds_alike(seed):
-    system = discrete(seed, 0.1)
+    system = discrete(seed)
     omega = np.linspace(0.0, 0.999 * np.pi / system.dt, 50)
     image = continuous_image(system)
     there = image.response(image_of_omega(omega, system.dt))
     assert np.allclose(there, system.response(omega), rtol=1e-9, atol=1e-10 * np.abs(there).max())
     last = system.response(np.array([np.pi / system.dt]))[:, :, 0].real
     assert np.allclose(image.D, last, rtol=1e-9, atol=1e-10)
-
-
-@given(st.integers(0, 10_000))
-def test_there_and_back_is_the_same_system(seed):
-    system = discrete(seed)
-    back = discrete_image(continuous_image(system), system.dt)
-    assume(
-        np.linalg.norm(np.linalg.inv(system.A + np.eye(len(system.A))), 2) < 100.0
-    )  # a pole near z = -1 has a far image
-    for letter in "ABCD":
-        assert np.allclose(getattr(back, letter), getattr(system, letter), rtol=1e-9, atol=1e-10)
-
-
-@given(st.floats(1e-5, 10.0), st.floats(0.0, 1.0))
-def test_frequencies_go_there_and_back(dt, share):
-    omega = share * np.pi / dt
-    assert omega_of_image(image_of_omega(omega, dt), dt) == pytest.approx(omega, rel=1e-9, abs=1e-300)
-    assert omega_of_image(image_of_omega(omega, dt), dt) <= np.pi / dt
-    assert image_of_omega(np.pi / dt, dt) == np.inf
-    assert omega_of_image(np.inf, dt) == pytest.approx(np.pi / dt, rel=1e-15)
-
-
-def test_continuous_time_is_its_own_image():
-    system, omega = Lti(-np.eye(1), np.eye(1), np.eye(1), np.zeros((1, 1))), np.array([0.0, 2.0, np.inf])
-    assert continuous_image(system) is discrete_image(system, 0.0) is system
-    assert image_of_omega(omega, 0.0) is omega_of_image(omega, 0.0) is omega
 
 
 @examples(60)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
@@ -54,12 +53,6 @@ def test_slow_poles_are_not_taken_for_integrators(seed, exponent):
     for A in (lags, np.array([[0.0, 1.0], [-slow, -1.0]]), -np.eye(12) + np.diag(np.full(11, 40.0), 1)):
         system = Lti(A, np.ones((len(A), 1)), np.ones((1, len(A))), np.zeros((1, 1)))
         assert not len(without_integrators(system).retained.A)
-
-
-@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
-def test_units_of_time_do_not_matter(scale):
-    system = integrating(np.random.default_rng(3), (2, 1), 1e-3)
-    assert len(without_integrators(Lti(scale * system.A, system.B, system.C, system.D)).retained.A) == 3
 
 
 @examples(40)
@@ -113,9 +106,3 @@ def test_poles_that_are_one_stay_together(seed, size, condition):
     jordan = linalg.block_diag(np.diag(np.ones(size - 1), 1), np.diag([-1.0, -3.0]))
     V = linalg.qr(rng.standard_normal((len(jordan), len(jordan))))[0]
     assert max(_checked(V @ jordan @ V.T, condition)) == size
-
-
-def test_an_empty_matrix_has_no_blocks():
-    blocks, columns, widths = block_diagonal(np.zeros((0, 0)))
-    assert blocks.shape == columns.shape == (0, 0)
-    assert widths == []

@@ -1,13 +1,12 @@
-"""Systems joined: side by side, one behind the other, a plant closed by a controller."""
+"""What becomes a system, with its names, and systems side by side."""
 
-import control
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from boomctl.boom.factory import spray_boom
-from boomctl.lti import bilinear
-from boomctl.lti.system import Lti, append, lower_lft, of, series, static
+from boomctl.lti import bilinear, system
+from boomctl.lti.system import Lti, append, of, static
 from tests.refusals import assert_refused, refusals
 
 OMEGA = np.array([0.0, 0.3, 2.0, 50.0])
@@ -42,24 +41,6 @@ def test_side_by_side():
     assert not G[:, :3, 1:].any()
 
 
-def test_one_behind_the_other():
-    a, b = random(1, 2, 1, 3, "a"), random(2, 3, 3, 2, "b")
-    joined = series(a, b)
-    assert (joined.input_labels, joined.output_labels) == (a.input_labels, b.output_labels)
-    assert joined.state_labels == a.state_labels + b.state_labels
-    assert_allclose(at(joined), at(b) @ at(a))
-
-
-def test_lower_lft_is_that_of_python_control():
-    P, K = random(3, 4, 3, 4, "p"), random(4, 2, 2, 1, "k")
-    loop = lower_lft(P, K)
-    assert (loop.input_labels, loop.output_labels) == (P.input_labels[:2], P.output_labels[:2])
-    assert loop.state_labels == P.state_labels + K.state_labels
-    peer = control.ss(P.A, P.B, P.C, P.D).lft(control.ss(K.A, K.B, K.C, K.D))
-    for ours, theirs in ((loop.A, peer.A), (loop.B, peer.B), (loop.C, peer.C), (loop.D, peer.D)):
-        assert_allclose(ours, theirs, rtol=1e-12, atol=1e-12)
-
-
 @pytest.mark.parametrize("bandwidth", [None, 20.0])
 def test_lti_matches_python_control(bandwidth):
     model = spray_boom(accelerometer_bandwidth_hz=bandwidth)
@@ -89,7 +70,7 @@ bc.hinf_norm(control.ss(-ONE, [[1.0, 1.0]], ONE, [[0.0, 0.0]], inputs=["u", "u"]
 
 @refusals(REFUSED)
 def test_system_that_is_none_is_refused(call, words):
-    assert_refused(call, words, globals() | vars(bilinear))
+    assert_refused(call, words, vars(bilinear) | vars(system) | globals())
 
 
 def test_dots_in_names_become_what_python_control_allows():

@@ -119,7 +119,9 @@ def test_plot_on_given_axes_and_style(name):
     assert not plt.get_fignums()
 
 
-@EACH
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=() if n[0] in "SP" else pytest.mark.slow) for n in sorted(PLOTS)]
+)  # one place refuses
 def test_plot_invalid_axes_or_style_raises(name):
     (result, count), ax = made(name), Figure().add_subplot()
     plt.close("all")
@@ -131,13 +133,6 @@ def test_plot_invalid_axes_or_style_raises(name):
     with pytest.raises((TypeError, AttributeError), match=unknown):
         result.plot(no_such_property=1)
     assert not plt.get_fignums()
-
-
-def test_a_misspelt_style_is_told_the_nearest():
-    with pytest.raises(TypeError, match=r"unexpected keyword argument 'colour', .*; did you mean 'color'"):
-        one.track().plot(colour="red")
-    with pytest.raises(TypeError, match=r"'dB', .*; bode\(\.\.\.\)\.response\.plot\(\.\.\.\) is python-control's"):
-        one.track().plot(dB=True)
 
 
 def test_a_part_of_a_figure_is_divided():

@@ -10,7 +10,6 @@ import pytest
 import boomctl as bc
 from boomctl.exceptions import LowerOrderWarning
 from boomctl.lti.system import of
-from tests.reduction.test_hard_cases import chain
 from tests.reduction.test_reduce import METHODS
 
 
@@ -18,18 +17,6 @@ def ladder(count):
     """Lags in a row, each driven by its neighbors: the Hankel singular values fall by tens."""
     A = -2.0 * np.eye(count) + np.diag(np.ones(count - 1), -1) + np.diag(np.ones(count - 1), 1)
     return control.ss(A, np.eye(count)[:, :1], np.eye(count)[-1:], 0.0)
-
-
-@pytest.mark.parametrize(
-    "share", [1e-2, *(pytest.param(share, marks=pytest.mark.slow) for share in (1e-3, 1e-4)), 1e-6]
-)
-@pytest.mark.parametrize("masses", [20, pytest.param(30, marks=pytest.mark.slow)])
-def test_modes_are_added_until_a_wanted_error_is_reached(masses, share):
-    model = chain(masses, 1e-2)
-    wanted = share * bc.sigma(model).peak
-    reduced = bc.reduce(model, max_error=wanted, method="modal")
-    assert reduced.error_norm <= wanted
-    assert reduced.order <= 2 * masses
 
 
 @pytest.mark.parametrize("method", ["balanced", "singular-perturbation"])

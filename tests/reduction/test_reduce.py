@@ -88,7 +88,7 @@ def test_units_and_the_order_of_states_and_signals_do_not_matter(seed, method):
 
 
 @pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("elements", [6, 60])
+@pytest.mark.parametrize("elements", [6, pytest.param(60, marks=pytest.mark.slow)])
 def test_the_boom_keeps_its_response_and_its_names(method, elements):
     model = bc.spray_boom(elements=elements).select(ACTUATORS, TIPS)
     red = bc.reduce(model, order=10, method=method)
@@ -140,6 +140,8 @@ reduced(order=2, method="second-order") -> SecondOrderModel
 reduced(bc.spray_boom(elements=6), order=5, method="second-order") -> even number
 reduced(control.ss(0.5, 1.0, 1.0, 0.0, 0.1), order=1, omega_range=(1.0, 100.0))
     -> ^`omega_range` must end at or below half the sampling rate
+reduced(order=2, progress=True) -> progress = .*: expected a function of a Progress, or None
+bc.progress_callback("yes").__enter__() -> listener = .*: expected a function
 """
 
 

@@ -125,7 +125,7 @@ def test_a_whip_moves_as_a_chain_of_links(speed, duration):
 # -- bad input --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2, 3))])
 def test_motion_too_short_for_its_first_steps_is_refined(seed):
     """There are at least twelve steps between corners: halved ones are to be more, or two runs agree on anything."""
     generator = np.random.default_rng(seed)

@@ -57,7 +57,9 @@ def test_residual_energy_steady_rotation_zero(model):
     assert beam.residual_energy(steady + bent_and_spinning(beam, 0.1, 0.0), speed) > 0.0
 
 
-@pytest.mark.parametrize("model", ["tlam", "sfoam", "foam", "cfoam", "geometrically-exact"])
+@pytest.mark.parametrize(
+    "model", ["tlam", "sfoam", "foam", "cfoam", pytest.param("geometrically-exact", marks=pytest.mark.slow)]
+)
 def test_prescribed_motion_needs_the_torque_that_reproduces_it(model):
     """The torque that a prescribed motion needs, applied to the free hub, gives that motion."""
     beam = hub_beam(LOADED, model, 2)
@@ -179,7 +181,10 @@ def test_residual_after_400_newton_meters(model):
 
 @pytest.mark.parametrize(
     ("model", "maneuver", "atol"),
-    [("foam", sine_torque(100.0, 4.0, 4.0), 1e-12), ("geometrically-exact", spin_up(2.0, 4.0), 2e-8)],
+    [
+        ("foam", sine_torque(100.0, 4.0, 4.0), 1e-12),
+        pytest.param("geometrically-exact", spin_up(2.0, 4.0), 2e-8, marks=pytest.mark.slow),
+    ],
 )
 def test_result_does_not_depend_on_the_instants_asked_for(model, maneuver, atol):
     beam = hub_beam(BAI, model, 2)

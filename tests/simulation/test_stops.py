@@ -163,7 +163,7 @@ def test_contradictory_stops_raise():
         stop_step(maps, np.array([2.0]), np.array([1.0]))
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.3, 0.5, 0.8, 1.4, 2.0])
+@pytest.mark.parametrize("delay", [0.0, 0.3, 1.4, *(pytest.param(d, marks=pytest.mark.slow) for d in (0.5, 0.8, 2.0))])
 @pytest.mark.parametrize(("per_sample", "displaced"), [(1, False), (2, False), (0.5, False), (1, True)])
 def test_stop_reached_between_samples(delay, per_sample, displaced):
     """The largest stroke is found on a grid four times finer; a stop just beyond it does nothing, one within it does."""

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.early
 LOADED = bc.HubBeamParameters(tip_mass=0.1)
 
 
-@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize("modes", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 def test_linear_plants_take_the_time_that_is_proved(modes):
     """From the rigid body's torque, by steps, to the switching times that matrix exponentials give."""
     problem = slew_problem(bc.hub_beam(LOADED, modes=modes).linearize(), 1.0, Limits(150.0))

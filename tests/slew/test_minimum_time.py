@@ -284,7 +284,7 @@ def linear_problem(modes, tip_mass=0.1, angle=np.pi / 2, limit=200.0):
     return slew_problem(beam, angle, Limits(limit), "time", None)
 
 
-@pytest.mark.parametrize("modes", [1, 2, 3])
+@pytest.mark.parametrize("modes", [1, 2, pytest.param(3, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("tip_mass", "angle", "limit"), [(0.1, np.pi / 2, 200.0), (2.0, 0.3, 50.0), (0.0, -2.0, 400.0)]
 )
@@ -305,7 +305,10 @@ def test_too_few_switches_are_not_taken_for_converged():
     assert switching._newton(asked, switching._fitted(asked, fewer)) is None
 
 
-@pytest.mark.parametrize("turn", [-0.5, -0.2, -0.05, -0.01, -1e-3, 3e-4, 1e-3, 0.1, 3.0])
+@pytest.mark.parametrize(
+    "turn",
+    [-0.5, -1e-3, 3e-4, 3.0, *(pytest.param(x, marks=pytest.mark.slow) for x in (-0.2, -0.05, -0.01, 1e-3, 0.1))],
+)
 def test_minimum_time_between_moving_states_matches_closed_form(turn):
     """A unit inertia at speed 1 swings back through -turn and ends at speed 1, or speeds up and slows down again.
 

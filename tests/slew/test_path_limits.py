@@ -68,7 +68,7 @@ def random_torque(rng, duration, ramps):
     return TorqueProfile(edges, values[:-1], values[1:] if ramps else values[:-1])
 
 
-@pytest.mark.parametrize("seed", [*range(4), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(4, 60))])
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 60))])
 def test_path_peak_equals_peak_of_dense_integration(seed):
     """Values alone, at 40 times in a period of the fastest mode, miss up to 3e-3 of the peak."""
     rng, system = np.random.default_rng(seed), flexible(seed)

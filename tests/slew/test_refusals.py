@@ -96,6 +96,7 @@ tracked().monte_carlo(4, settling_time=99.0) -> settling_time = 99
 # a tolerance that the torque planned without axial modes does not meet
 bc.optimal_slew(bc.hub_beam(tip_mass=0.3, model="foam", modes=2), 1.0, 300.0, "effort", 3.0, rtol=1e-9)
     -> SlewError: ^the replay ends .*e-06 off the end state; .* A larger rtol may do
+switching_function(one.slew()) -> bang-bang
 """
 
 

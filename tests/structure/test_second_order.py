@@ -123,11 +123,6 @@ def test_signals_by_index_are_outputs_first():
     assert boom[["tip_right", "tip_left"], "cradle"].output_labels == ("tip_right", "tip_left")
 
 
-def test_poles_are_those_of_the_state_space():
-    boom = bc.spray_boom()
-    assert_allclose(np.sort_complex(boom.poles()), np.sort_complex(boom.to_statespace().poles()), rtol=1e-9, atol=1e-9)
-
-
 def test_a_norm_is_a_number_and_a_regulator_unpacks():
     swing = control.ss([[0.0, 1.0], [-1.0, -0.1]], [[0.0], [1.0]], [[1.0, 0.0]], 0.0)
     assert float(bc.hinf_norm(swing)) == bc.hinf_norm(swing).lower_bound

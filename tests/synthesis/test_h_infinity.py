@@ -1,7 +1,6 @@
 """H-infinity synthesis: optima known in closed form, laws that any result obeys, and what it may not depend on."""
 
 import re
-from dataclasses import replace
 
 import control
 import numpy as np
@@ -13,7 +12,7 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.progress import Deadline
-from boomctl.synthesis.hinf.bounds import Bounds, lowest_level, unreachable_gain
+from boomctl.synthesis.hinf.bounds import lowest_level
 from boomctl.synthesis.plants.partition import normalized, partition
 from tests.profiles import examples
 from tests.synthesis.plants import assert_verified, lower_loop_norm, random_plant, resonators, weighed, yaw_plant
@@ -194,15 +193,6 @@ def test_slow_controller_cost_in_certificate():
         bc.h_infinity(P, 1, 1, fastest_pole=0.1)
 
 
-def test_the_frequency_bound_holds_with_any_feedback():
-    """Feedback does not change what no control reaches: one that rounding leaves far from optimal must not raise it."""
-    plant = partition(random_plant(4, 5, (2, 2, 1, 1), False), 1, 1)
-    ready = normalized(replace(plant, system=replace(plant.system, A=plant.A - 10.0 * np.eye(5))))
-    for part in (ready, ready.dual):
-        found, expected = (unreachable_gain(part, size * np.ones((1, 5)))[0] for size in (0.3, 0.0))
-        assert_allclose(found, expected, rtol=1e-3)
-
-
 @examples(20)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 8), sizes=SIZES, tolerance=st.sampled_from([1e-4, 1e-2, 1.0]))
 def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, tolerance):
@@ -217,7 +207,9 @@ def test_the_lowest_level_is_as_close_to_its_bound_as_asked_for(seed, n, sizes, 
         assert loose.reached <= loose.lower * (1.0 + tolerance)
 
 
-@pytest.mark.parametrize("seed", [*range(8), *range(9, 30)])  # SLICOT's norm of 8 is 13 % too large, by 40 digits
+@pytest.mark.parametrize(  # SLICOT's norm of 8 is 13 % too large, by 40 digits
+    "seed", [*range(8), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(9, 30))]
+)
 def test_mixed_sensitivity_of_an_oscillator_is_designed(seed):
     """The reference enters the error at once and acts on nothing else: the filter's solution is zero, but for rounding."""
     rng = np.random.default_rng(seed)
@@ -238,12 +230,3 @@ def test_tight_tolerance_reaches_level(seed):
     P = random_plant(seed, 5, (2, 2, 1, 1), False)
     wanted = 1.001 * bc.h_infinity(P, 1, 1, rtol=1e-4).gamma
     assert bc.h_infinity(P, 1, 1, gamma=wanted).gamma <= wanted
-
-
-def test_a_bound_that_a_verified_loop_beats_is_given_up():
-    bounds = Bounds(10.0, 8.0, 1.0, 3.0, "because", 1.0)
-    assert bounds.below(9.0) == bounds
-    assert bounds.below(5.0).lower == 3.0
-    assert bounds.below(8.0 * (1.0 - 1e-8)).lower <= 8.0 * (1.0 - 1e-8)
-    refuted = bounds.below(1.0)
-    assert (refuted.lower, refuted.reason) == (0.0, "")

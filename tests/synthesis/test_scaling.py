@@ -113,7 +113,7 @@ DESIGNS = {
 
 
 @pytest.mark.parametrize("method", DESIGNS)
-@pytest.mark.parametrize("dt", [0.0, T])
+@pytest.mark.parametrize("dt", [0.0, pytest.param(T, marks=pytest.mark.slow)])
 def test_design_controller_in_machine_units(method, dt):
     """The loop gain at one frequency, computed from the matrices, is that of the scaled loop."""
     if dt and method == "tune":

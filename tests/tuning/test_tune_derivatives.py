@@ -102,11 +102,14 @@ def edge(point):
         *((merit, name, 1, T.objective(), {}) for name in ("free", "notch")),
         (merit, "ppf", 1, T.objective("u[0]", "y[0]", norm="h2"), {}),  # finite with any controller
         (merit, "strictly proper", 1, T.objective(norm="h2"), {}),
-        *((edge, name, 3, T.objective(), {}) for name in ("free", "notch")),
+        (edge, "free", 3, T.objective(), {}),
+        pytest.param(edge, "notch", 3, T.objective(), {}, marks=pytest.mark.slow),
         (merit, "free", 3, T.objective(), {DAMPING: 0.99}),
         (merit, "free", 3, T.objective(), {DECAY: 50.0}),
         (merit, "free", 3, T.objective(), {FASTEST_POLE: 1e-3}),
-        (merit, "ppf", 3, T.objective(), {FASTEST_POLE: 1e-3}),  # of a pair of poles
+        pytest.param(
+            merit, "ppf", 3, T.objective(), {FASTEST_POLE: 1e-3}, marks=pytest.mark.slow
+        ),  # of a pair of poles
         (merit, "free", 3, T.objective(), {GAIN_LIMIT: 1e-3}),
         (abscissa, "free", 4, T.objective(), {}),  # two poles of about that size
         (abscissa, "free", 3, T.objective(), {FASTEST_POLE: 1e-3}),
@@ -183,7 +186,7 @@ def largest_gain(loop, omega):
     return np.linalg.norm(loop.C @ states + loop.D, 2)
 
 
-@pytest.mark.parametrize("norm", ["hinf", "h2", "slowest pole"])
+@pytest.mark.parametrize("norm", ["hinf", pytest.param("h2", marks=pytest.mark.slow), "slowest pole"])
 @examples(40)
 @given(st.integers(0, 10_000))
 def test_gradient_of_moving_plant_is_its_difference(norm, seed):
@@ -289,7 +292,7 @@ def root_damped(values):
         (chain, 0.1, 2.0, ["m"]),
         (chain, 0.5, 2.0, ["m1", "m2"]),
         (chain, 0.9, 1.1, ["m1", "m2", "m3"]),
-        (coupled, 0.5, 2.0, ["m1", "m2"]),
+        pytest.param(coupled, 0.5, 2.0, ["m1", "m2"], marks=pytest.mark.slow),
         (root_damped, 1.0, 100.0, ["k"]),
     ],
 )
