@@ -29,7 +29,6 @@ from numpy.typing import ArrayLike
 from boomctl.checks import instance, positive, real
 from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.lti.system import is_statespace
 from boomctl.printing import compact
 from boomctl.progress import OutOfTimeError, computing
 from boomctl.slew.deadline import SlewDeadline, SlewProgress, noting_interrupts
@@ -43,6 +42,7 @@ from boomctl.slew.nlp.program import Solution
 from boomctl.slew.nlp.refinement import refined, solved, within_limits
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.objectives import OBJECTIVES
+from boomctl.slew.plant import is_machine
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem, slew_problem, warn_of_turns
 from boomctl.slew.replay import Candidate, binding, free_errors, played, prescribed_error, violation
 from boomctl.slew.result import SlewCertificate, SlewResult
@@ -242,7 +242,7 @@ def optimal_slew(
         raise TypeError("torque_limit: expected the largest torque [N m], got none")
     arguments = {
         "h": system,
-        "angle": _turned(is_statespace(system), angle, angle_deg),
+        "angle": _turned(not is_machine(system), angle, angle_deg),
         "limits": Limits(torque_limit, torque_rate_limit, speed_limit, tip_limit, moment_limit),
         "objective": objective,
         "duration": duration,

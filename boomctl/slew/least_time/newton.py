@@ -21,9 +21,6 @@ from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
 _GRIDS = (200, 600)  # intervals on which arcs are counted; the finer grid if the switching function has a wrong sign
 _NEWTON = 40  # Newton steps at most
-_PATIENCE = 5  # Newton steps without sufficient decrease of the residual, as long as it exceeds _FAR
-_FAR = 1e-3  # scaled terminal residual above which Newton's method may be stopped early
-_NEARER = 0.7  # factor of a sufficient decrease of the terminal residual
 _EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _NOTHING if the end conditions require it
 _NOTHING = 1e-11  # fraction of the duration that is rounding error
 _FOURTH_ORDER = 15.0  # 2^4 - 1: ratio of the change of the end by halved steps to their remaining error
@@ -167,14 +164,11 @@ def _newton(ends: EndMap, arcs: _Arcs, counts: Array) -> _Arcs | None:
     The Hessian is reused while the moves shrink fast enough.
     """
     size, before, total, count = np.inf, np.inf, float(arcs.durations.sum()), arcs.durations.size
-    least, patience = np.inf, _PATIENCE
     for _ in range(_NEWTON):
         ends.problem.deadline.check(f"durations of {count} arcs in {counts.sum()} steps", total)
         reached = ends.sensitivity(ends.steps(arcs.sign, arcs.durations, counts))
         defect, slope = reached.end - ends.target, reached.by_duration
-        patience = _PATIENCE if np.abs(defect).max() < _NEARER * least else patience - 1
-        least = min(least, float(np.abs(defect).max()))
-        if not np.isfinite(slope).all() or (patience == 0 and least > _FAR):
+        if not np.isfinite(slope).all():
             return None
         arcs = replace(arcs, slope=slope, weights=reached.multipliers)
         if count > defect.size and (arcs.hessian.shape[0] != count or size > _SERVES * before):
