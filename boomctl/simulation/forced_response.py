@@ -21,7 +21,7 @@ from boomctl.lti.rounding import EPS, ROOT, SOLVED, SUMMED
 from boomctl.lti.system import Lti, of
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import count, signals
-from boomctl.simulation.plant import ModalPlant, basis, sub_basis
+from boomctl.simulation.plant import ModalPlant, basis
 from boomctl.simulation.signals import disturbance_rows, uniform_times
 from boomctl.structure.matrices import halves
 from boomctl.structure.model import SecondOrderModel
@@ -238,8 +238,7 @@ def _structure_response(
         if whole:  # scaled modes, for different rounding errors
             before, _ = _projected_response(model, frequencies, 1.4 * V, U, h)
         elif before is None:
-            fewer = sub_basis(model, frequencies, V, _FEWER_MODES, order - 1)
-            before, _ = _projected_response(model, *fewer, U, h)
+            before, _ = _projected_response(model, *basis(model, _FEWER_MODES, order - 1), U, h)
         least = _sizes(y, size)
         error = (_ROUNDING if whole else _MARGIN) * np.abs(y - before).max(axis=1) + _STORED * least
         # an error below ROOT that is not reduced from one projection to the next is rounding

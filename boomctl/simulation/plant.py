@@ -11,7 +11,6 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import changing, linear_hold, motion_coordinates, zero_order_hold
-from boomctl.lti.rounding import ALIKE, TINY
 from boomctl.lti.system import Lti, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modal_form import in_modes, user_state_space
@@ -109,25 +108,6 @@ def basis(model: SecondOrderModel, modes: int, order: int = 1) -> tuple[Array, A
     except ValueError:
         return np.ones(model.ncoordinates), np.eye(model.ncoordinates)
     return frequencies[::-1], V[:, ::-1]
-
-
-def sub_basis(model: SecondOrderModel, frequencies: Array, V: Array, modes: int, order: int = 1) -> tuple[Array, Array]:
-    """Return frequencies and shapes of a smaller projection within the one onto ``V``; see :func:`basis`.
-
-    Over ``V``, mass is one and stiffness is diagonal.  Static responses that span all other modes are omitted.
-    """
-    higher, squares = slice(0, -modes), frequencies[:-modes, None] ** 2
-    statics, loads = [], V[:, higher].T @ _loads(model, V[:, -modes:])
-    for _ in range(order if squares.all() else 0):
-        loads = loads / squares
-        statics.append(loads / np.maximum(np.linalg.norm(loads, axis=0), TINY))
-    left, size, _ = np.linalg.svd(np.hstack([*statics, 0.0 * squares]), full_matrices=False)
-    left = left[:, size > ALIKE * size[0]]
-    if left.shape[1] == len(squares):
-        left = left[:, :0]
-    added, mix = np.linalg.eigh(left.T @ (squares * left))
-    shapes = V[:, higher] @ left @ mix[:, ::-1]
-    return np.concatenate([np.sqrt(added)[::-1], frequencies[-modes:]]), np.hstack([shapes, V[:, -modes:]])
 
 
 def _loads(model: SecondOrderModel, shapes: Array) -> Array:
