@@ -18,7 +18,7 @@ from boomctl.arrays import Array
 from boomctl.exceptions import BoomctlWarning
 from boomctl.printing import PART
 
-_FASTEST = 1e60  # rad/s; the fourth power of larger frequencies may overflow.
+FASTEST = 1e60  # rad/s; the fourth power of larger frequencies may overflow.
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
 # Magnitudes of parameters; products and quotients of three of them do not overflow.
 _SMALLEST, _LARGEST = 1e-100, 1e100
@@ -255,10 +255,10 @@ def frequencies(name: str, value: ArrayLike) -> Array:
     omega = np.atleast_1d(finite_array(name, value))
     if omega.ndim != 1 or omega.size == 0:
         raise ValueError(f"{name}: expected one dimension and at least one frequency, got shape {omega.shape}")
-    wrong = omega[(omega != 0.0) & ~((omega >= _SMALLEST) & (omega <= _FASTEST))]
+    wrong = omega[(omega != 0.0) & ~((omega >= _SMALLEST) & (omega <= FASTEST))]
     if wrong.size:
         raise ValueError(
-            f"{name}: expected zeros or frequencies from {_SMALLEST:g} to {_FASTEST:g} rad/s, got {wrong[0]}"
+            f"{name}: expected zeros or frequencies from {_SMALLEST:g} to {FASTEST:g} rad/s, got {wrong[0]}"
         )
     return omega
 

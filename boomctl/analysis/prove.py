@@ -10,11 +10,9 @@ from boomctl.checks import positive
 from boomctl.exact_roots import OPERATIONS, UndecidedError
 from boomctl.exceptions import CertificateError
 from boomctl.lti.proof import Exact
-from boomctl.lti.rounding import SUMMED
+from boomctl.lti.rounding import SUMMED, TINY
 from boomctl.lti.system import ClosedLoop
 from boomctl.threads import one_blas_thread
-
-_LEAST = 1e-300  # Positive level that replaces a bound of zero.
 
 
 @dataclass(frozen=True)
@@ -158,11 +156,11 @@ def _norm_shown(claim: Claim, parts: list[Exact], low: float, high: float, omega
             return "not stable as stored; according to the result, rounding errors of the entries decide"
         lowest, highest, _ = max(exact.norm(exact.square(omega)) for exact in parts)
         return f"norm between {lowest:.9g} and {highest:.9g} as stored; the result has no upper bound"
-    level, least = max(high * (1.0 + SUMMED), _LEAST), low * (1.0 - SUMMED)  # bounds are rounded results
+    level, least = max(high * (1.0 + SUMMED), TINY), low * (1.0 - SUMMED)  # bounds are rounded results
     reached, small = low <= 0.0, not any(exact.is_large for exact in parts)
     for exact in parts:  # polynomials decide more, but take longer, with many signals ten times
-        inequality = exact.inequality(max(low, _LEAST)) if claim.band is None else None
-        if inequality is not None and inequality.stays_below(level, max(low, _LEAST)):
+        inequality = exact.inequality(max(low, TINY)) if claim.band is None else None
+        if inequality is not None and inequality.stays_below(level, max(low, TINY)):
             reached = reached or bool(inequality.gain(omega) >= least)
         elif exact.is_large and claim.band is None:
             raise UndecidedError("the inequality of the bounded real lemma does not hold in 128 bits")

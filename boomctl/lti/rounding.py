@@ -15,6 +15,7 @@ DIGIT = 4.0 * EPS
 TINY = float(np.finfo(float).tiny)  # Least number of full precision.
 # Rounding error of a sum or product of input entries, relative to its terms.
 CANCELLED = 8.0 * EPS
+COMPUTED = 1e-14  # Rounding error of a short chain of operations, relative to the largest number: 50 units.
 SOLVED = 1e-13  # Rounding error of a chain of decompositions, relative to the largest number: 500 units.
 SUMMED = 1e-12  # Rounding error of an entry of matrix products, relative to its terms: some 1e4 units.
 ALIKE = 1e-9  # Relative difference up to which numbers from data or an assembly are equal: far above rounding.

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import exactly, instance, plain_array, positive, shown, up_to
 from boomctl.exceptions import SimulationError
+from boomctl.lti.rounding import COMPUTED
 from boomctl.maneuvers import Maneuver, PrescribedMotion, TorqueDriven
 from boomctl.printing import count
 from boomctl.progress import computing, tell
@@ -51,7 +52,6 @@ _REFERENCES = (5, 7, 10, 14, 20, 28, 40, 60)  # Polynomials of the references, i
 _TIMES = 24.0  # Compared times in a period of the second bending mode: a peak between two is 1 % higher at most.
 _FEWEST_TIMES, _MOST_TIMES = 500, 20_000  # Limits: least number within the maneuver, largest number in total.
 _SPACING = 1.01  # Power by which the times are spaced unevenly, to avoid aliasing with a vibration.
-_ROUNDING = 1e-14  # Rounding error of displacements, relative to the radius of the free end.
 
 
 def chosen_beam(
@@ -169,7 +169,7 @@ def _reference(p: HubBeamParameters, accuracy: float, maneuver: Maneuver, times:
     ValueError
         If no two refinements agree, a refinement cannot be simulated to the tolerance, or the beam does not move.
     """
-    rounding = _ROUNDING * (p.hub_radius + p.length)
+    rounding = COMPUTED * (p.hub_radius + p.length)
     fewer, before, unsolved, gap, rtol = 0, np.zeros_like(times), 0.0, math.inf, _FIRST
     for modes in _REFERENCES:
         tell(f"geometrically exact beam with {modes} polynomials")

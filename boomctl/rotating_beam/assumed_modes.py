@@ -26,7 +26,7 @@ from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import motion_of
 from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Dynamics, Motion
+from boomctl.rotating_beam.result import CHUNK, Details, Dynamics, Motion
 from boomctl.rotating_beam.selection import ModelChoice
 from boomctl.symbolic import Places, lifted, symbols
 from boomctl.threads import one_blas_thread
@@ -44,7 +44,6 @@ ASSUMED_MODES = ("tlam", "sfoam", "sfoam-consistent", "foam", "cfoam")
 _MOST_MODES = 200  # the modal integrals are known to keep 1e-12 relative up to there
 _MOST_MODES_CFOAM = 60  # its sums over points of mass take n^3 numbers, 0.8 million there
 _POINTS = 41  # Points along the beam at which its deformed shape is evaluated.
-_CHUNK = 2048  # Times evaluated at once; bounds the memory.
 
 
 @final
@@ -379,7 +378,7 @@ def _dynamics(equations: Equations, maneuver: Maneuver, timepts: Array, y: Array
     """Evaluate forces and inertias of a motion, a chunk of times at once."""
     parts = [
         _part(equations, maneuver, timepts[at], y[at], rate[at])
-        for at in (slice(first, first + _CHUNK) for first in range(0, timepts.size, _CHUNK))
+        for at in (slice(first, first + CHUNK) for first in range(0, timepts.size, CHUNK))
     ]
     return Dynamics(*(np.concatenate(item) for item in zip(*parts, strict=True)))
 

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array, blocks
 from boomctl.checks import (
+    FASTEST,
     exactly,
     finite_array,
     instance,
@@ -57,7 +58,6 @@ INPUTS = ("torque",)
 OUTPUTS = ("hub_angle", "hub_speed", "tip_displacement")
 _LEAST_GAP = 1e-60  # Shortest spacing of times [s]: its powers do not underflow.
 _LATEST = 1e9  # Longest motion [s]: 30 years.
-_FASTEST = 1e60  # Largest hub speed [rad/s]: its powers do not overflow.
 
 _SHIFT = 1e-6  # Perturbation of coordinates, relative to the length, for mode shapes: its square is a rounding error.
 _JUST_BELOW = 1.0 - 1e-6  # End of a diagram relative to the divergence speed, where a frequency is nearly 0.
@@ -201,7 +201,7 @@ class HubBeam(ABC):
         """
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
-        speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
+        speed = within("hub_speed", hub_speed, -FASTEST, FASTEST, "rad/s")
         if truth("coupled", coupled) and not self.has_axial_modes:
             raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
         self._check_speed(speed, self.divergence_speed())
@@ -570,7 +570,7 @@ class HubBeam(ABC):
         )
 
     def _steady_speed(self, hub_speed: float) -> float:
-        speed = within("hub_speed", hub_speed, -_FASTEST, _FASTEST, "rad/s")
+        speed = within("hub_speed", hub_speed, -FASTEST, FASTEST, "rad/s")
         self._check_speed(speed, self.max_steady_speed)
         return speed
 

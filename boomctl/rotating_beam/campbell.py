@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import DIGIT
 from boomctl.printing import count, listed
 
 _TURN = 2.0 * np.pi  # rad of a turn
-_LAST_DIGIT = 4.0 * float(np.finfo(float).eps)  # of a speed, to which crossings are found
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def campbell_diagram(
                 return float(frequencies(speed)[mode] - order * speed / _TURN)
 
             for k in np.flatnonzero(difference[:-1, mode] * difference[1:, mode] < 0.0):
-                roots.append(float(optimize.brentq(gap, speeds[k], speeds[k + 1], rtol=_LAST_DIGIT)))  # type: ignore[arg-type]
+                roots.append(float(optimize.brentq(gap, speeds[k], speeds[k + 1], rtol=DIGIT)))  # type: ignore[arg-type]
             result += [CriticalSpeed(order, mode + 1, root, order * root / _TURN) for root in roots]
     result.sort(key=lambda crossing: crossing.hub_speed)
     return CampbellDiagram(model, speeds, values, tuple(result), lost, orders)

@@ -10,10 +10,13 @@ from typing import Any, NamedTuple, final
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import EPS
 from boomctl.lti.time_series import TimeSeries
 
+# Factor on the most steps of a run above which a number predicted from a part of it is an error: it may be the hardest part.
+HOPELESS = 2.0
+CHUNK = 500  # Times evaluated at once; bounds the memory.
 SMALL_DEFORMATION = 0.1  # of the length: the tip displacement up to which Bai et al. (2009) call a deformation small
-_BISECTIONS = 50  # Halvings of a step to locate a time within it, to rounding error.
 
 
 @final
@@ -273,7 +276,7 @@ def small_deformation_until(
     before, after = (float(side * tip_displacement[end] - limit) for end in (first, last))
     rates = (side * step * tip_rate(slice(first, last + 1))).tolist()
     low, high = 0.0, 1.0
-    for _ in range(_BISECTIONS):
+    while high - low > EPS:
         s = 0.5 * (low + high)
         cubic = before * (1 + 2 * s) * (1 - s) ** 2 + after * s**2 * (3 - 2 * s)
         cubic += rates[0] * s * (1 - s) ** 2 - rates[1] * s**2 * (1 - s)

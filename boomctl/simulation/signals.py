@@ -12,7 +12,7 @@ from boomctl.arrays import Array
 from boomctl.checks import exactly, finite_array, known, mapping, nonnegative, plain_array, positive, whole
 from boomctl.lti.rounding import LEVEL
 
-_MOST_STEPS = 1e8  # Most steps of a run; bounds the memory of the stored signals.
+MOST_STEPS = 1e8  # Most steps of a run, and of a delay; bounds the memory of the stored signals.
 
 Levels = float | Mapping[str, float] | None
 
@@ -94,10 +94,10 @@ def time_grid(timepts: ArrayLike, sample_time: float, substeps: int = 1) -> Time
             f"sample_time = {exactly(sample)} s, steps of timepts {exactly(step)} s: expected one to be a "
             f"whole multiple of the other"
         )
-    if per_point * substeps * (len(time) - 1) > _MOST_STEPS:
+    if per_point * substeps * (len(time) - 1) > MOST_STEPS:
         raise ValueError(
             f"sample_time = {exactly(sample)} s: {per_point * (len(time) - 1):.3g} samples; expected a run of at most "
-            f"{_MOST_STEPS:g} steps"
+            f"{MOST_STEPS:g} steps"
         )
     exact = step / per_point
     return TimeGrid(time, exact / substeps, per_point * substeps, per_sample * substeps)

@@ -12,9 +12,8 @@ from boomctl.lti.system import Lti, closed
 from boomctl.simulation.contact.contacts import Contacts
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, Step
-from boomctl.simulation.signals import TimeGrid
+from boomctl.simulation.signals import MOST_STEPS, TimeGrid
 
-_MOST_STEPS = 1e9  # Longest delay in steps: more than any run has.
 _STORED = 4096  # Steps whose states are stored at once; larger blocks need more memory and save no time.
 
 
@@ -79,8 +78,8 @@ class ControlLog:
 
 def whole_steps(delay: float, h: float) -> tuple[int, float]:
     """Return a delay as whole steps and a remainder [s]."""
-    if delay / h > _MOST_STEPS:
-        raise ValueError(f"delay = {delay:g}: expected at most {_MOST_STEPS:g} steps of {h:g} s")
+    if delay / h > MOST_STEPS:
+        raise ValueError(f"delay = {delay:g}: expected at most {MOST_STEPS:g} steps of {h:g} s")
     return whole_samples(delay, h)
 
 

@@ -19,7 +19,6 @@ from boomctl.symbolic import Places, lifted, symbols
 
 _TAYLOR = 14  # terms of a linear motion: the truncation error is 1 / 15! = 8e-13 at |A h| = 1, below the replay's error
 _NEAR = 0.97  # fraction of a peak above which a step may contain a larger value: 0.3 % at 40 steps in a period
-KINDS = 64  # cached sets of functions: a few models with a few numbers of modes
 
 
 class Kind(NamedTuple):
@@ -85,14 +84,14 @@ class _Symbols:
         return self.rates(z, u)[half:] - (self.B[half:] * u - self.frequencies**2 * z[:half])
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def rates_of(kind: Kind) -> ca.Function:
     """``(z, u, constants) -> z'`` of all plants of a kind, in SX."""
     plant, z, u = _Symbols(kind), ca.SX.sym("z", kind.n), ca.SX.sym("u")
     return ca.Function("rates", [z, u, plant.constants], [plant.rates(z, u)])
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def rate_jacobian_of(kind: Kind) -> ca.Function:
     """``(z, u, constants) -> z'`` and its Jacobian by (z, u), n x (n + 1), of all plants of a kind."""
     z, u, constants = rates_of(kind).sx_in()
@@ -101,7 +100,7 @@ def rate_jacobian_of(kind: Kind) -> ca.Function:
     return ca.Function("rate_jacobian", [z, u, constants], [rates, jacobian])
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def rate_hessian_of(kind: Kind) -> ca.Function:
     """``(z, u, constants, l) -> z'``, its Jacobian, and the Hessian of ``l^T z'``, by (z, u), of all plants of a kind."""
     (z, u, constants), weights = rates_of(kind).sx_in(), ca.SX.sym("l", kind.n)
@@ -118,7 +117,7 @@ def row_rates(plant: SlewPlant, row: Array, z: Array, torque: Array, slope: Arra
     return first, second
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def _row_rates(kind: Kind) -> ca.Function:
     """``(z, u, slope, row, constants) -> d/dt (row z), d^2/dt^2 (row z)`` of all plants of a kind."""
     plant, u, slope = _Symbols(kind), ca.SX.sym("u"), ca.SX.sym("slope")
@@ -155,7 +154,7 @@ def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, 
     return max(top, float(np.abs(steps(steps.derivative().roots(extrapolate=False))).max(initial=0.0)))
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def step_of(kind: Kind) -> ca.Function:
     """``(z, u, h, constants) -> z`` after a step h [s] on which the torque u is held."""
     z, u, h = ca.SX.sym("z", kind.n), ca.SX.sym("u"), ca.SX.sym("h")

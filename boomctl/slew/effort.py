@@ -12,7 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, SUMMED
-from boomctl.slew.end_map import MOST_STEPS, STEP_FRACTION, EndMap, Steps, end_map
+from boomctl.slew.end_map import CHORDS, MOST_STEPS, STEP_FRACTION, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
@@ -20,7 +20,6 @@ from boomctl.slew.torque import TorqueProfile, held
 _TURNS = 20  # Gauss-Newton iterations at most
 _STATIONARY = 1e-6  # change of the torques over their limit at convergence: it changes the effort by its square
 _EXCHANGES = 100  # exchanges of the active set at most; 3 to 12 are usual
-_CHORDS = 6  # corrections with the derivatives of coarser steps at most; one or none is usual
 _CLOSED = 1e-3  # residual of the scaled terminal conditions at which they end, as a fraction of the tolerance
 
 
@@ -121,7 +120,7 @@ class _Mesh:
         at = np.nonzero(met)
         rows, values = np.vstack([local.G, local.P[at]]), met[at] * self.most[at[0]] - local.rest[at]
         defects = [self.ends.defect(self.steps(result.torques, parts))]
-        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.planning_rtol and len(defects) <= _CHORDS:
+        while np.abs(defects[-1]).max() > _CLOSED * self.ends.problem.planning_rtol and len(defects) <= CHORDS:
             wanted = np.concatenate([local.G @ result.torques - defects[-1], values])
             result = clipped(rows, wanted, self.limit, result.weights)
             defects.append(self.ends.defect(self.steps(result.torques, parts)))

@@ -12,13 +12,14 @@ import casadi as ca
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.slew.dynamics import KINDS, Kind, kind_of, step_of
+from boomctl.slew.dynamics import Kind, kind_of, step_of
 from boomctl.slew.linear import guess_from
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile
 
 STEP_FRACTION = 0.5  # fraction of the tolerance by which halved steps may change the end; their error is 1/15 of it
 _AT_ONCE = 3 * 10**7  # instructions of CasADi between two checks of the deadline: a tenth of a second
+CHORDS = 6  # corrections with the derivatives of coarser steps at most: one or two are usual
 MOST_STEPS = 20000  # steps of a motion at most; rounding errors grow with their number
 
 
@@ -73,13 +74,13 @@ def _parts(function: ca.Function, count: int) -> Iterator[slice]:
     return (slice(first, first + size) for first in range(0, count, size))
 
 
-@lru_cache(maxsize=4 * KINDS)  # a few numbers of steps for each kind
+@lru_cache
 def _repeated(function: ca.Function, count: int) -> ca.Function:
     """Return the function of consecutive steps."""
     return function.mapaccum(count)
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def _jacobian(kind: Kind) -> ca.Function:
     """``(z, u, h, constants) -> z`` and its Jacobian n x (n + 2)."""
     z, u, h, constants = step_of(kind).sx_in()
@@ -88,7 +89,7 @@ def _jacobian(kind: Kind) -> ca.Function:
     return ca.Function("jacobian", [z, u, h, constants], [after, jacobian])
 
 
-@lru_cache(maxsize=KINDS)
+@lru_cache
 def _hessian(kind: Kind) -> ca.Function:
     """``(z, u, h, constants, l) ->`` the Hessian of l^T z by (z, h)."""
     (z, u, h, constants), l = step_of(kind).sx_in(), ca.SX.sym("l", kind.n)

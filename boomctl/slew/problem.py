@@ -33,7 +33,7 @@ from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, SlewPlant, is_machine, plant_of
 
-_RTOL = 1e-6  # Default relative tolerance of the end state.
+RTOL = 1e-6  # Default relative tolerance of the end state, and of scaled constraints.
 _RTOL_AXIAL = 1e-4  # Default for models with axial modes: about the error of planning without them.
 MESHES = (50, 100, 200, 400, 800)  # numbers of intervals, in order
 MESH_GAP = 1e-4  # relative change of the cost by a halved mesh at which refinement stops
@@ -174,7 +174,7 @@ class SlewProblem:
     @property
     def planning_rtol(self) -> float:
         """Tolerance of the end state in planning, without the effect of axial modes."""
-        return min(self.rtol, _RTOL) if self.stretches else self.rtol
+        return min(self.rtol, RTOL) if self.stretches else self.rtol
 
     @property
     def fastest_vibration(self) -> float:
@@ -262,7 +262,7 @@ def slew_problem(
             raise ValueError(f"{kind}_limit: the system has no output {output!r}; name one so, or leave the limit out")
     turn, speed = None if angle is None else real("angle", angle), real("final_speed", final_speed)
     start, target, ends, waits = _end_conditions(plants, turn, speed, initial_state, final_state)
-    default = _RTOL_AXIAL if plants[0].axial.size else _RTOL
+    default = _RTOL_AXIAL if plants[0].axial.size else RTOL
     problem = SlewProblem(
         plants=plants,
         objective=objective,

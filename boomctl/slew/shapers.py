@@ -17,9 +17,10 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import instance, known, nonnegative, positive, real
+from boomctl.lti.rounding import SUMMED
 from boomctl.printing import compact
 from boomctl.slew.plant import is_machine, plant_of
-from boomctl.slew.torque import TIME_RTOL, TorqueProfile, held
+from boomctl.slew.torque import TorqueProfile, held
 from boomctl.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -282,6 +283,6 @@ def _convolved(edges: Array, values: Array, train: Shaper) -> TorqueProfile:
     steps = (train.amplitudes[:, None] * jumps[None, :]).ravel()
     order = np.argsort(times, kind="stable")
     ascending = times[order]
-    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > TIME_RTOL * ascending[-1])
+    first = np.flatnonzero(np.diff(ascending, prepend=-ascending[-1]) > SUMMED * ascending[-1])
     total = np.add.reduceat(steps[order], first)
     return held(ascending[first], np.cumsum(total)[:-1])

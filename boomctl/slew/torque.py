@@ -17,7 +17,6 @@ from boomctl.printing import count
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-TIME_RTOL = 1e-12  # fraction of the duration below which two times differ by rounding error only
 _SWITCH = 0.5  # fraction of the peak that a torque reaches on both sides of a switch
 
 

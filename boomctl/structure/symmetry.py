@@ -11,7 +11,6 @@ from boomctl.printing import compact
 from boomctl.structure.elimination import Elimination
 
 _PROBE = 0.7390851332151607  # [rad], for numbers without a pattern: the angle that is its own cosine
-_CACHED_SPLITS = 256  # Number of cached selections of signals that are split into subsystems.
 
 
 @dataclass(frozen=True)
@@ -91,7 +90,7 @@ class Mirror:
         return _half_signals(self, tuple(names), parity)
 
 
-@lru_cache(maxsize=_CACHED_SPLITS)
+@lru_cache
 def _half_signals(mirror: Mirror, names: tuple[str, ...], parity: int) -> tuple[Array, tuple[str, ...]] | None:
     columns, stems, covered = [], [], set()
     for pair in mirror.pairs:

@@ -12,6 +12,7 @@ import numpy as np
 from boomctl.arrays import Array, balance, blocks
 from boomctl.chebyshev import fitted, known_along, series, tried_points
 from boomctl.checks import function_of
+from boomctl.lti.rounding import COMPUTED
 from boomctl.lti.system import of
 from boomctl.structure.families import Family
 from boomctl.structure.model import SecondOrderModel
@@ -21,7 +22,6 @@ from boomctl.tuning.loops import ScaledPlant, without_jordan_blocks
 
 _MOST_PARAMETERS = 6  # Uncertain parameters up to which tuning starts with all vertices of the box.
 _MOST_DEGREE = 128  # largest degree of the polynomials by one parameter: 1 for springs, some tens for masses
-_ROUNDING = 1e-14  # relative size of a coefficient that is rounding error: 1e2 eps
 _MOST = 2000  # plants evaluated for one polynomial at most
 _CACHE_SIZE = 16  # cached sets of plants: the last few points of the search
 _EXACT = 1e3  # largest error of a polynomial over rounding error: far below the tolerance of tuning
@@ -62,7 +62,7 @@ class PlantPolynomial:
             return {"P": np.array([matrices[point.tobytes()] for point in points])}
 
         def rounding(values: Mapping[str, Array]) -> dict[str, Array | float]:
-            return {"P": _ROUNDING * np.abs(values["P"]).max(axis=(0, 2))[:, None]}
+            return {"P": COMPUTED * np.abs(values["P"]).max(axis=(0, 2))[:, None]}
 
         wanted, middle = (
             at(tried_points(size)),

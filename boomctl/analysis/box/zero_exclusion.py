@@ -26,6 +26,7 @@ from boomctl.analysis.box.polynomials import Cell, Polynomial, about
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
 from boomctl.lti.rounding import EPS, TINY
+from boomctl.lti.system import BATCH
 
 # Directions for lower bounds of a modulus: the best is within 8 % of the modulus (cos 22.5 deg).
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
@@ -36,7 +37,6 @@ TOP = 4.0  # Start of the last interval, relative to the fastest pole: no resona
 _DEPTH = 5  # Largest number of subdivisions of an interval that fails.
 _PARTS = 4  # Parts of a subdivided interval.
 _SWEEPS = 20  # Largest number of power iterations.
-BATCH = 2**17  # Entries of the matrices in one batch, which fit into the cache.
 _ROUNDING = 32.0 * EPS  # Rounding error of sums of products of a few terms.
 BELOW = 1.0 - 1e-9  # Below one by more than the rounding error of a matrix-vector product, or of a gain.
 _LEAST = 1e-12  # Smallest entry of the vector, relative to the largest, so that no entry vanishes.

@@ -17,10 +17,10 @@ from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, SmallMotion, lowest_rate, natural_hz
 from boomctl.rotating_beam.exact.basis import StrainBasis, strain_basis
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
-from boomctl.rotating_beam.exact.integrator import CHUNK, StepFailedError
+from boomctl.rotating_beam.exact.integrator import StepFailedError
 from boomctl.rotating_beam.exact.run import Run, run_to_tolerance, run_with_step
 from boomctl.rotating_beam.parameters import HubBeamParameters
-from boomctl.rotating_beam.result import Details, Dynamics, Motion
+from boomctl.rotating_beam.result import CHUNK, Details, Dynamics, Motion
 from boomctl.rotating_beam.selection import ModelChoice
 from boomctl.threads import one_blas_thread
 

@@ -19,6 +19,7 @@ from boomctl.gauss import CollocationMethod, gauss_method
 from boomctl.maneuvers import Maneuver, PrescribedMotion
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
+from boomctl.rotating_beam.result import CHUNK
 
 STAGES = 4  # Stages of the collocation, order 8.
 _MAX_ITERATIONS = 15  # Iterations of Newton's method.
@@ -27,7 +28,6 @@ _NOISE = 1e-10  # relative corrections below this that no longer shrink are roun
 _STALLED = 0.5  # contraction above which corrections no longer shrink
 _SLOW = 0.05  # contraction above which the frozen Jacobian is updated
 _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
-CHUNK = 500  # Mass matrices stored at once; bounds the memory.
 
 
 class StepFailedError(Exception):

@@ -20,7 +20,7 @@ from boomctl.maneuvers import HubProfile, Maneuver, Torque
 from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailedError, Trajectory, march
-from boomctl.rotating_beam.result import Motion, known_states, small_deformation_until
+from boomctl.rotating_beam.result import HOPELESS, Motion, known_states, small_deformation_until
 
 _WINDOW = 6  # Ends of steps in an interpolation polynomial: degree 11, above the order of the steps.
 _LEAST_STEPS = 2 * _WINDOW  # Fewest steps between two breakpoints.
@@ -28,8 +28,6 @@ _MOST_STEPS = 300_000  # Most steps of a run.
 _PROBES = 513  # Times, in addition to the requested ones, at which two runs must agree.
 _LONG = 20_000  # Steps of the first run above which 1/500 of it is run first, to predict the number of steps of the full run.
 _PILOT = 500.0
-# Factor on `_MOST_STEPS` above which a predicted number is an error: the pilot may be the hardest part.
-_HOPELESS = 2.0
 _STUCK = 0.7  # Ratio to the last error above which a refinement counts as without effect.
 _MOST_STUCK = 3  # Refinements without effect after which the run ends with an error.
 
@@ -167,7 +165,7 @@ def run_to_tolerance(
     if end / first_step > _LONG:
         options = {"first_step": first_step, "rtol": rtol, "atol": atol}
         pilot, _ = run_to_tolerance(dynamics, maneuver, np.array([end / _PILOT]), state, **options)
-        if _PILOT * pilot.steps > _HOPELESS * _MOST_STEPS:
+        if _PILOT * pilot.steps > HOPELESS * _MOST_STEPS:
             raise SimulationError(
                 f"the motion until t = {end:g} s would take about {_PILOT * pilot.steps:.1e} steps; expected at most about "
                 f"{end * _MOST_STEPS / (_PILOT * pilot.steps):.2g} s, a larger rtol or atol, or another model"

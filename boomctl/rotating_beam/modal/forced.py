@@ -14,6 +14,7 @@ import numpy as np
 
 from boomctl.arrays import Array, blocks
 from boomctl.lti.machine_modes import MachineModes
+from boomctl.lti.rounding import COMPUTED
 from boomctl.rotating_beam.modal.energy import Lagrangian, accelerations
 from boomctl.rotating_beam.modal.first_order import FirstOrderEquations
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     import casadi
 
     from boomctl.lti.system import Lti
-
-_ZERO = 1e-14  # Entry of a constant matrix, relative to its largest, below which it is treated as zero.
 
 
 class Point(NamedTuple):
@@ -325,7 +324,7 @@ def _times(matrix: Array, vector: casadi.SX) -> casadi.SX:
     import casadi as ca
 
     largest = np.abs(matrix).max(initial=0.0)
-    return ca.mtimes(ca.sparsify(ca.DM(np.where(np.abs(matrix) > _ZERO * largest, matrix, 0.0))), vector)
+    return ca.mtimes(ca.sparsify(ca.DM(np.where(np.abs(matrix) > COMPUTED * largest, matrix, 0.0))), vector)
 
 
 def _row(row: Array, vector: casadi.SX) -> casadi.SX:

@@ -14,7 +14,7 @@ from numpy.polynomial import legendre
 
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
-from boomctl.lti.rounding import ALIKE, SUMMED
+from boomctl.lti.rounding import ALIKE, COMPUTED, SUMMED
 from boomctl.rotating_beam.drive import even_times, polynomial_errors
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
@@ -31,7 +31,6 @@ STAGES = 10, 12  # Nodes of a step in the two orders, 20 and 24; 8 and 10 take u
 # with the tolerance as the window lengths do.
 _FIRST_PHASE = 6.0
 _SETTLED = 0.2  # Fraction of the error allowed in a window, allotted to its sweeps.
-_ROUNDING = 1e-14  # Rounding error, relative to the largest displacement or torque.
 _LOCAL = 0.3  # Fraction of the allowed error, allotted to all windows together.
 _LEAST_LOCAL = 0.05  # Fraction of this, allotted to the shortest window.
 _VIBRATION = 0.3  # Fraction of the allowed error, allotted to the vibrations of fast modes.
@@ -47,8 +46,6 @@ _MORE_WINDOWS = 4.0
 _RESOLVED = 4.0  # Ratio of the windows that resolve a fast axial mode to the windows at which it counts as slow.
 _DECAYED = 300.0  # Largest decay rate times length of a window: its exponential and the inverse are finite.
 _INSIDE = 1e-4  # Distance to the ends of a step, over the step, at which a torque is sampled in addition to the nodes.
-_TIGHTER = 0.1  # Factor on the error allowed in a window after all windows together exceeded the tolerance.
-_ATTEMPTS = 3  # Attempts, with ever tighter windows.
 
 
 class _Weights(NamedTuple):
@@ -117,8 +114,6 @@ class _Run:
     scene : Scene
     corners : ndarray
         Times at which the torque is not smooth, s; ascending, > 0, the last is the end.
-    fraction : float
-        Fraction of the allowed error, for all windows together.
     steps : int
         Number of steps of a window.
     states : ndarray
@@ -135,7 +130,6 @@ class _Run:
     form: FreeHubForm
     scene: Scene
     corners: Array
-    fraction: float
     steps: int
     states: Array
     length: float
@@ -202,7 +196,7 @@ class _Run:
 
     def addable(self, peaks: Array, length: float) -> Array:
         """Return the error that a window of a length [s] may add, m."""
-        return self.fraction * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
+        return _LOCAL * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
 
     def torque(self, h: float, stages: int) -> Array:
         """Return the torque at the nodes of the next window with steps of a length [s], m s."""
@@ -228,18 +222,15 @@ def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTr
     count = corners.size if _even(corners) == corners.size else 1
     within, rest = divmod(count, -(-count // _MOST_STEPS))
     steps = STEPS if rest else within * max(1, STEPS // within)
-    length = _FIRST_PHASE * max(scene.rtol, _ROUNDING) ** (1.0 / _ORDER) * steps / np.sqrt(form.softest)
-    for attempt in range(_ATTEMPTS):
-        run = _Run(form, scene, corners, _LOCAL * _TIGHTER**attempt, steps, np.stack([states, states]), length)
-        # relative to the full duration: a breakpoint this close counts as reached
-        while scene.end - run.time > SUMMED * scene.end:
-            if not run.go_on():
-                return None
-        allowed = run.allowed(run.peaks)
-        errors = run.errors[:2] + run.vibration + np.where(run.peaks > 0.0, _SETTLED * run.fraction * allowed, 0.0)
-        if (errors <= allowed).all():
-            return FreeTrajectory(form, tuple(run.windows)), float(errors[0])
-    return None
+    length = _FIRST_PHASE * max(scene.rtol, COMPUTED) ** (1.0 / _ORDER) * steps / np.sqrt(form.softest)
+    run = _Run(form, scene, corners, steps, np.stack([states, states]), length)
+    # relative to the full duration: a breakpoint this close counts as reached
+    while scene.end - run.time > SUMMED * scene.end:
+        if not run.go_on():
+            return None
+    allowed = run.allowed(run.peaks)
+    errors = run.errors[:2] + run.vibration + np.where(run.peaks > 0.0, _SETTLED * _LOCAL * allowed, 0.0)
+    return (FreeTrajectory(form, tuple(run.windows)), float(errors[0])) if (errors <= allowed).all() else None
 
 
 def _even(corners: Array) -> int:
@@ -269,7 +260,7 @@ def _swept(run: _Run, length: float) -> _Window | None:
     moved = flow(modes.rates, h, run.steps, low)
     force = (modes.push[:, None] * torque).reshape(modes.push.size, run.steps, low)
     peaks = weights.peaks(moved.at_nodes(force, moved.states(force, starts[0]))[0])
-    remaining = np.maximum(_SETTLED * run.addable(peaks, length), _ROUNDING * peaks)
+    remaining = np.maximum(_SETTLED * run.addable(peaks, length), COMPUTED * peaks)
     watched = weights.rows / remaining[0], weights.speed[None] / remaining[1]
     coarse = settle(modes, moved, starts[0], torque, watched, force)
     if coarse is None:
@@ -312,7 +303,7 @@ def _torque_errors(weights: _Weights, run: _Run, fine: Swept) -> Array:
     result = run.scene.problem.drive(times)
     between, _ = polynomial_errors(nodes, begin, np.full(run.steps, h), times, result)
     size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
-    error[error <= _ROUNDING * size] = 0.0
+    error[error <= COMPUTED * size] = 0.0
     between[between <= SUMMED * size] = 0.0
     push = weights.hub / run.scene.radius
     moved = np.array([weights.sizes[0, 1:] @ np.abs(push[1:]), weights.speed[0] * push[0]])

@@ -10,6 +10,7 @@ from boomctl.exceptions import SimulationError
 from boomctl.gauss import gauss_method
 from boomctl.rotating_beam.motion.collocation import Trajectory, march
 from boomctl.rotating_beam.motion.problems import Problem
+from boomctl.rotating_beam.result import HOPELESS
 
 STAGES = 8  # Stages of the collocation, order 16; 4 and 6 take longer for a torque on FOAM with 5 + 5 modes.
 
@@ -19,8 +20,6 @@ _MOST_STEPS = 40000  # Most steps of a run: ten times the number for FOAM over a
 # First steps above which 1/100 of the motion is solved first, to predict the number of steps of the full motion.
 _LONG = 5000
 _PILOT = 100
-# Factor on `_MOST_STEPS` above which a predicted number is an error: the pilot may be the hardest part.
-_HOPELESS = 2.0
 _SMOOTH = 0.02  # Contribution of a step's highest terms, over the allowed error, below which it is not halved.
 
 
@@ -95,7 +94,7 @@ def refine(problem: Problem, edges: Array, start: tuple[Array, Array], accuracy:
     if edges.size > _LONG:
         first = edges[: edges.size // _PILOT]
         needed = refine(problem, first, start, accuracy)[0].edges.size / first.size * edges.size
-        if needed > _HOPELESS * _MOST_STEPS:
+        if needed > HOPELESS * _MOST_STEPS:
             raise SimulationError(
                 f"the motion until t = {edges[-1]:g} s would take about {needed:.1e} steps; expected at most about "
                 f"{edges[-1] * _MOST_STEPS / needed:.2g} s, a larger rtol or atol, or a model without axial motion"

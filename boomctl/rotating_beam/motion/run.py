@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SUMMED
 from boomctl.maneuvers import PrescribedMotion, TorqueDriven
 from boomctl.rotating_beam.motion.free_hub import free_motion
 from boomctl.rotating_beam.motion.modal_collocation import ModalTrajectory, modal_refine
@@ -25,8 +26,6 @@ from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.motion.steady_rotation import vibration_amplitudes
 from boomctl.rotating_beam.motion.trajectory import FreeTrajectory
 from boomctl.rotating_beam.result import Motion, known_states, small_deformation_until
-
-_JUMP = 1e-11  # Step length over the full duration below which a step encloses a jump of the torque.
 
 
 def motion_of(scene: Scene) -> Motion:
@@ -76,7 +75,7 @@ def _by_free_modes(scene: Scene) -> Motion | None:
     assert form is not None
     if scene.user_defined:
         edges = scene.first_steps(scene.end, graded=False)
-        jumps = np.flatnonzero(np.diff(edges) < _JUMP * scene.end)
+        jumps = np.flatnonzero(np.diff(edges) < 4.0 * SUMMED * scene.end)  # `resolving` halves no further
         corners = np.concatenate([corners, edges[jumps], edges[jumps + 1]])
     result = free_motion(form, scene, np.unique(corners[(corners > 0.0) & (corners <= scene.end)]))
     return None if result is None else _moved(scene, *result, "free-hub modes")

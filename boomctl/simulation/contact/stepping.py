@@ -19,8 +19,6 @@ from boomctl.simulation.contact.stops import StopMaps, StopStep, stop_step
 from boomctl.simulation.plant import Step
 from boomctl.simulation.stepping import ControlLog, LoopProblem, run_steps
 
-_ROUNDS = 80  # Most bisections: 1e-13 takes 43, each may be preceded by a step that gains little.
-
 Outcome = tuple[Array, FrictionStep | None, StopStep | None]
 
 
@@ -181,7 +179,7 @@ def _reversing(rows: ContactRows, row: Array, slip: Slip) -> Outcome:
     size = rows.law._breakaway_force
     low, high, force = -size, size, 0.0
     end, step, stops = _under(rows, row, slip, force)
-    for _ in range(_ROUNDS):
+    while True:  # a step reduces the bracket by a tenth at least
         off = step.force - force
         if abs(off) <= ALIKE * size:
             return end, step, stops

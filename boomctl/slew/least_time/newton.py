@@ -13,7 +13,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
 from boomctl.lti.rounding import SUMMED
-from boomctl.slew.end_map import MOST_STEPS, STEP_FRACTION, EndMap, end_map
+from boomctl.slew.end_map import CHORDS, MOST_STEPS, STEP_FRACTION, EndMap, end_map
 from boomctl.slew.least_time.arc_count import counted
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.replay import Candidate
@@ -21,12 +21,10 @@ from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
 _GRIDS = (200, 600)  # intervals on which arcs are counted; the finer grid if the switching function has a wrong sign
 _NEWTON = 40  # Newton steps at most
-_EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _NOTHING if the end conditions require it
-_NOTHING = 1e-11  # fraction of the duration that is rounding error
+_EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _SETTLED if the end conditions require it
 _FOURTH_ORDER = 15.0  # 2^4 - 1: ratio of the change of the end by halved steps to their remaining error
-_CHORDS = 6  # corrections with the derivatives of coarser steps at most; Newton's method is as fast beyond
 _SERVES = 0.2  # ratio of successive moves below which the Hessian is reused
-_SETTLED = 1e-11  # scaled terminal residual, and move over the duration, at rounding level
+_SETTLED = 1e-11  # scaled terminal residual, and arc or move over the duration, at rounding level
 _FLAT = 1e-12  # predicted decrease over the duration at convergence
 _ENOUGH = 0.1  # predicted time saved by reversing wrong signs of the torque, as a fraction of the tolerance
 _POSITIVE, _MAX_MOVE = 0.8, 0.1  # largest fraction of an arc that a move removes; largest move over the duration
@@ -126,7 +124,7 @@ def _refined(ends: EndMap, arcs: _Arcs) -> Candidate | None:
 def _corrected(ends: EndMap, arcs: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
     """Correct the durations for finer steps by the coarser ones' derivatives, or None; return the initial residual too."""
     counts, d, errors = finer * _counts(ends, arcs.durations), arcs.durations, []
-    for _ in range(_CHORDS):
+    for _ in range(CHORDS):
         ends.problem.deadline.check(f"durations of {d.size} arcs in {counts.sum()} steps", float(d.sum()))
         defect = ends.defect(ends.steps(arcs.sign, d, counts))
         errors.append(float(np.abs(defect).max()))
@@ -145,7 +143,7 @@ def _counts(ends: EndMap, durations: Array) -> Array:
 
 def _shortest(ends: EndMap, d: Array) -> float:
     """Return the duration below which an arc is removed: rounding level if the end conditions require all arcs."""
-    return float(d.sum()) * (_EMPTY if d.size >= ends.rows.shape[0] + 2 else _NOTHING)
+    return float(d.sum()) * (_EMPTY if d.size >= ends.rows.shape[0] + 2 else _SETTLED)
 
 
 def _stationary(ends: EndMap, arcs: _Arcs, finer: int) -> _Arcs | None:

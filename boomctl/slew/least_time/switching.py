@@ -19,7 +19,7 @@ from scipy.optimize import brentq, linprog
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
 from boomctl.slew.linear import flow
-from boomctl.slew.problem import SlewProblem
+from boomctl.slew.problem import RTOL, SlewProblem
 from boomctl.slew.torque import TorqueProfile, bang_bang
 
 _GRIDS = (200, 600, 2000, 6000)  # intervals; the next finer grid if Newton's method fails from the arcs of one grid
@@ -34,7 +34,6 @@ _REWEIGHTED = 20  # reweighted least-squares iterations for a duration; weights 
 _THIN = 1e-6  # fraction of the largest |G^T y| below which weights are bounded
 _NEWTON = 60  # Newton steps at most; it is damped and slow near a change of the number of arcs
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # last step of a time over the duration: to accept the result; to stop at once
-_RESIDUAL = 1e-6  # largest relative terminal residual: the default rtol of a replay
 _SHORTEST = 1e-4  # smallest damping factor of a Newton step; below it switching times cross
 _TOGETHER = 1e-7  # fraction of the duration below which two switching times coincide and their arc is removed
 _AGREE = 1e-6  # wrong-signed switching function over its maximum that is rounding error at the switches
@@ -328,7 +327,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
             return None
         result = replace(result, switches=times[:-1], duration=float(times[-1]))
         weights = weights + damping * move[count + 1 :]
-    return best if size < _CONVERGED and error < _RESIDUAL else None
+    return best if size < _CONVERGED and error < RTOL else None
 
 
 def _conditions(problem: SlewProblem, extremal: Extremal, weights: Array) -> tuple[Array, Array]:

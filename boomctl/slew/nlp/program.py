@@ -16,7 +16,7 @@ from boomctl.slew.deadline import SlewDeadline
 from boomctl.slew.linear import Guess
 from boomctl.slew.nlp.transcription import Transcription, transcribe
 from boomctl.slew.objectives import OBJECTIVES, Units
-from boomctl.slew.problem import AT_LIMIT, Limits, SlewProblem
+from boomctl.slew.problem import AT_LIMIT, RTOL, Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held, ramped
 
 _OPTIONS = {
@@ -43,10 +43,6 @@ _OPTIONS = {
 }
 _TOLERANCE, _FRACTION = 1e-9, 1e-3  # tolerance of IPOPT at most, and as a fraction of the end state's tolerance
 _LEAST_TIME = 1e-3  # lower bound of the scaled duration, to keep it positive
-_SHOWN = 1e-6  # violation of a scaled condition above which a message reports it; smaller ones are solver error
-_FEASIBLE = 1e-6  # largest violation of a scaled constraint at which an iterate is feasible: the default rtol
-_SHORTEST = 1e-3  # smallest wall time limit [s]: IPOPT requires a positive one
-_NEAR = 1e-3  # slack of a scaled condition below which a message reports a limit as active
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +144,7 @@ def _solved(
         """Report an iteration, with the objective of the best feasible iterate so far."""
         violation = float(np.max(np.maximum(arguments["lbg"] - g, g - arguments["ubg"]), initial=0.0))
         candidates = [
-            value for value in (objectives[-1], unit * cost if violation <= _FEASIBLE else None) if value is not None
+            value for value in (objectives[-1], unit * cost if violation <= RTOL else None) if value is not None
         ]
         objectives.append(min(candidates, default=None))
         deadline.check(f"{stage}, iteration {len(objectives) - 1}", objectives[-1], violation)
@@ -156,7 +152,10 @@ def _solved(
     watch = _Watch(on_iteration, arguments["lbg"].size)
     options = options | {"iteration_callback": watch}
     if deadline.limit < inf:
-        options["ipopt.max_wall_time"] = max(deadline.limit - deadline.elapsed, _SHORTEST)
+        left = deadline.limit - deadline.elapsed
+        if left <= 0.0:  # IPOPT requires a positive limit
+            raise OutOfTimeError(stage)
+        options["ipopt.max_wall_time"] = left
     solver = ca.nlpsol("slew", "ipopt", nlp, options)
     result, statistics = solver(**arguments), solver.stats()
     if watch.failed is not None:
@@ -215,9 +214,9 @@ def _failure(
     words = {kind: f"{kind}_limit = {with_unit(kind, f'{most:g}')}" for kind, most in problem.limits.by_kind.items()}
     most = max(over, key=lambda kind: over[kind].max(), default="")
     what = "the end state cannot be reached"
-    if most and over[most].max() > _SHOWN:
+    if most and over[most].max() > RTOL:
         what = f"{words[most]} is exceeded most at t = {np.argmax(over[most]) * duration / t.intervals:.4g} s"
-    met = {kind: near > -_NEAR for kind, near in over.items()}
+    met = {kind: near > AT_LIMIT - 1.0 for kind, near in over.items()}
     met["torque"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
     active = [
         f"{words[kind]} is met from t = {np.argmax(near) * duration / t.intervals:.4g} s, for {np.mean(near):.0%} of the time"

@@ -12,7 +12,6 @@ from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
 
 _SECTIONS = 24  # Intervals per decade of the first search, which separates all roots at once.
-_ROUNDS = 60  # Limit on the iterations; bisection alone needs 56 to full accuracy, with secants about six.
 _AROUND = 1e-3  # Distance from the secant's root that is evaluated on both sides, as a fraction of the bracket.
 _SLOWEST = 1e-30  # Lowest frequency, relative to the longest segment; below, double precision does not suffice.
 _CONVERGED = 1e-11  # Last step relative to the eigenvalue; quadratic convergence leaves only rounding error.
@@ -33,10 +32,10 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
     a, b = grid[after - 1], grid[after]
     at_a, at_b = _deciding(model, np.array([a, b]), wanted)
     slope = np.zeros(count)
-    for _ in range(_ROUNDS):
+    while (
+        b - a > DIGIT * b
+    ).any():  # each round halves the brackets at least: 56 rounds without secants, six with them
         width = b - a
-        if (width <= DIGIT * b).all():
-            break
         with np.errstate(invalid="ignore", divide="ignore"):
             secant = b * (at_a - at_b) / width
             slope = np.where(np.isfinite(secant) & (width > ROOT * b), secant, slope)

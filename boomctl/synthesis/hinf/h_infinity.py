@@ -15,7 +15,7 @@ import numpy as np
 
 from boomctl.analysis.claim import Claim
 from boomctl.analysis.sigma import sigma
-from boomctl.checks import positive, within
+from boomctl.checks import positive
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.rounding import SOLVED
@@ -33,7 +33,6 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_GAMMA_RANGE = (1e-100, 1e100)  # Range of `gamma`, whose square must not overflow.
 _MAP_RTOL = 1e-4  # Excess of the norm on the unit circle over that of the image, by rounding of the bilinear map.
 _NORM_RTOL = 0.01  # Excess of the norm of a loop over the level of its controller, by rounding of the solver.
 _WANTED_LEVELS = (0.9999, 0.99)  # Levels below a wanted norm; the second one leaves more for rounding.
@@ -189,7 +188,7 @@ def h_infinity(
     discrete = original.system.dt != 0.0
     if discrete and fastest_pole is not None:
         raise ValueError("`fastest_pole` must be None for a discrete plant, whose controller runs once a sample.")
-    wanted = None if gamma is None else within("gamma", gamma, *_GAMMA_RANGE) * (1.0 - _MAP_RTOL if discrete else 1.0)
+    wanted = None if gamma is None else positive("gamma", gamma) * (1.0 - _MAP_RTOL if discrete else 1.0)
     plant = replace(original, system=continuous_image(original.system))
     rtol, limit = positive("rtol", rtol), positive("time_limit", time_limit)
     allowed = None if fastest_pole is None else positive("fastest_pole", fastest_pole)

@@ -7,8 +7,7 @@ from numpy.typing import ArrayLike
 
 from boomctl.checks import exactly, positive, real, whole
 from boomctl.lti.python_control import control
-
-_BUTTERWORTH = float(np.sqrt(0.5))  # Damping ratio of a filter with the gain 1/sqrt(2) at the corner.
+from boomctl.structure.ports import FILTER_DAMPING
 
 
 def _filter(A: ArrayLike, B: ArrayLike, C: ArrayLike, D: float) -> control.StateSpace:
@@ -20,7 +19,7 @@ def _second(corner: float, damping: float) -> tuple[list[list[float]], list[list
     return [[0.0, corner], [-corner, -2.0 * damping * corner]], [[0.0], [corner]]
 
 
-def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = _BUTTERWORTH) -> control.StateSpace:
+def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = FILTER_DAMPING) -> control.StateSpace:
     """Return a low-pass weighting filter.
 
     Parameters
@@ -57,7 +56,7 @@ def low_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = 
     return _filter(*_second(w, zeta), [[g, 0.0]], 0.0)
 
 
-def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = _BUTTERWORTH) -> control.StateSpace:
+def high_pass(gain: float, corner: float, order: int = 1, damping_ratio: float = FILTER_DAMPING) -> control.StateSpace:
     """Return a high-pass weight: ``gain`` above the corner frequency, zero at zero frequency.
 
     Parameters

@@ -7,12 +7,11 @@ from math import inf, isfinite
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, COMPUTED
 
 _FALL, _TURN = 1e-4, 0.5  # constants of the weak Wolfe conditions: decrease and curvature
 _TRIALS = 30  # evaluations of a line search: the step is then accurate to 1e-9
 _LITTLE = 1e-3  # smallest predicted decrease of a step, as a fraction of ``gain``
-_ROUNDING = 1e-14  # a line search ends if the predicted decrease is at rounding level
 _STALLED = 10  # steps whose total decrease is compared with ``gain``
 
 Function = Callable[[Array], tuple[float, Callable[[], Array]]]
@@ -136,6 +135,6 @@ def _weak_wolfe(
             if gradient @ d >= _TURN * falling or t >= longest:
                 return best
         t = 0.5 * (short + far) if far < inf else min(2.0 * t, longest)
-        if far < inf and (far - short <= ALIKE * far or -t * falling <= _ROUNDING * max(1.0, abs(value))):
+        if far < inf and (far - short <= ALIKE * far or -t * falling <= COMPUTED * max(1.0, abs(value))):
             break
     return best
