@@ -220,8 +220,8 @@ class SlewEvaluation(Evaluation):
         if result.n_switches is not None:
             words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.torque_profile.switching_times)} s.")
         certain = {
-            "end error": (result.terminal_error, _REPLAY),
-            "limits exceeded by": (result.constraint_violation, _REPLAY),
+            "terminal error": (result.terminal_error, _REPLAY),
+            "limit violation": (result.constraint_violation, _REPLAY),
             "optimality gap": (result.optimality_gap, _OPTIMAL[result.optimality_status]),
         }
         checked = [
