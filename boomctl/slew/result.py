@@ -123,8 +123,8 @@ class SlewCertificate:
 
     def __repr__(self) -> str:
         active = f"; active: {', '.join(self.active_constraints)}" if self.active_constraints else ""
-        errors = f"{self._errors}, limit violation {self.constraint_violation:.1e}{active}"
-        return f"SlewCertificate: by {self.method}\n  {self.summary}\n  {errors}"
+        limits = f"limit violation {self.constraint_violation:.1e}{active}"
+        return f"SlewCertificate: by {self.method}\n  {self.summary}\n  {self._errors}\n  {limits}"
 
     @property
     def _errors(self) -> str:

@@ -215,7 +215,7 @@ class SlewEvaluation(Evaluation):
         words = [
             f"{beam.model.upper()} with {count(beam.modes, 'mode')} and a tip mass of {beam.parameters.tip_mass:g} kg.",
             *str(slew).removeprefix("SlewResult: ").splitlines(),
-            f"Method: {result.method}; {str(result).splitlines()[-1].strip()}.",
+            f"Method: {result.method}; {', '.join(line.strip() for line in str(result).splitlines()[2:])}.",
         ]
         if result.n_switches is not None:
             words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.torque_profile.switching_times)} s.")
