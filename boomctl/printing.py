@@ -34,6 +34,12 @@ def count(number: int, word: str, words: str = "") -> str:
     return f"{number} {word}" if number == 1 else f"{number} {words or word + 's'}"
 
 
+def percent(fraction: float) -> str:
+    """Return a fraction in percent with two digits and without an exponent for large numbers, "0.85 %", "20,000 %"."""
+    number = f"{100.0 * fraction:.2g}"
+    return f"{float(number):,.0f} %" if float(number) >= 10.0 else f"{number} %"
+
+
 def signals(inputs: Sequence[str], outputs: Sequence[str]) -> str:
     """Return two lines that name inputs and outputs."""
     return f"  inputs: {listed(inputs)}\n  outputs: {listed(outputs)}"

@@ -13,6 +13,7 @@ import pytest
 
 import boomctl as bc
 from boomctl.exceptions import LimitsTooTightError
+from boomctl.printing import percent
 from boomctl.slew import replan
 from tests import handed_out as one
 from tests.handed_out import FACTORIES
@@ -224,3 +225,7 @@ def test_printing_drawing_comparing_and_searching_start_no_proof(no_proofs):
     one.tuned.__wrapped__()
     with pytest.raises(AssertionError, match="proof"):
         _ = bc.hinf_norm(flat).certified
+
+
+def test_percent_of_large_fraction_has_no_exponent():
+    assert [percent(x) for x in (0.0085, 0.0996, 2.5, 200.0)] == ["0.85 %", "10 %", "250 %", "20,000 %"]

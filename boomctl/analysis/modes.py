@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 # Residue of an undamped mode, relative to the largest one between two signals, up to which it does not contribute.
 _HIDDEN = 1e-10
 _WIDE = 20  # Width of a pole z in a table, in characters.
-_CAPTION = "signals in %: peak of the mode relative to the highest mode, largest over the other signals"
+_CAPTION = "signal columns: modal peak in % of the highest mode, maximum over the other signals"
 
 
 @dataclass(frozen=True, eq=False)

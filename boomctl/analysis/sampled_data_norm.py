@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 # Methods of the upper and the lower bound.
-LIFTED = "level of the lifted loop, and gain of piecewise linear disturbances"
+LIFTED = "bounds by lifting and by piecewise linear disturbances"
 NOT_PROVED = "no level above the gain reached is proved"  # No upper bound.
 NOT_STABLE = "a pole on or outside the unit circle"  # Infinite.
 _SMALL = 0.5  # Norm of the Hamiltonian matrix times the first step.

@@ -172,7 +172,7 @@ def matrices(source: object, inputs: Signals = None, outputs: Signals = None) ->
     return result if isinstance(result, Lti) else of(result).balanced()
 
 
-NO_SINES = "unstable: these are no steady-state responses, which do not exist"
+NO_SINES = "unstable: no steady-state response"
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,7 +302,7 @@ def sigma(
         Structure, linear system, or measured data.
     omega : array_like, optional
         Angular frequencies [rad/s], at most ``pi/dt`` for a discrete system.  If None, a grid that spans the lowest modes and
-        resolves each of their peaks, including the certified one.
+        resolves their peaks and the certified peak.
     inputs, outputs : str or sequence of str, optional
         Signals.  If None, all signals; for a boom model, platform actuators and tips.
     frequency_hz : array_like, optional

@@ -86,14 +86,14 @@ class FitCertificate:
     @property
     def adequacy(self) -> str:
         """Residual in percent of the data, and reduced chi-square where the errors are known."""
-        text = f"relative residual {self.residual_percent:.2g} %"
+        text = f"weighted residual {self.residual_percent:.2g} %"
         if self.errors_grow:
             text += "; errors grow with the response: use error_model='relative'"
         if np.isnan(self.residual_ratio):
             return text
         verdict = "" if self.fit_adequate else " (model inadequate)"
         text += f", reduced chi-square {self.residual_ratio**2:.2g}{verdict}"
-        return f"{text} ({self.ndata:,} values, correlation neglected)"
+        return f"{text} ({self.ndata:,} {'value' if self.ndata == 1 else 'values'}, correlation neglected)"
 
     @property
     def summary(self) -> str:
@@ -106,15 +106,18 @@ class FitCertificate:
         parts = ["minimum not certified: not a minimum of the sum of squares"]
         if self.is_minimum:
             offset = f"{self.distance_to_minimum:.2g} standard errors"
-            parts = [f"minimum {'certified' if self.certified else 'not certified'}, parameters within {offset} of it"]
+            parts = [
+                f"minimum certified to {offset}" if self.certified else f"minimum found to {offset}, not certified"
+            ]
         parts.append(f"reached from {self.n_agreeing_starts} of {count(self.n_starts, 'start')}")
         if self.alternatives:
             values = ", ".join(f"{name} = {value:.4g}" for name, value in self.alternatives[0].items())
             parts.append(f"other parameters fit within the confidence limit too, such as {values}")
         if self.at_bounds:
-            parts.append(f"{', '.join(self.at_bounds)} at a bound: the fit improves beyond it")
+            bounds = "its bound" if len(self.at_bounds) == 1 else "their bounds"
+            parts.append(f"{', '.join(self.at_bounds)} at {bounds}: a wider range fits better")
         if not self.fit_adequate:
-            parts.append("intervals of an inadequate model")
+            parts.append("intervals invalid: model inadequate")
         return "; ".join(parts)
 
     def __repr__(self) -> str:

@@ -115,7 +115,7 @@ class FreeParameters:
     def described(self, i: int, x: float) -> str:
         """Return a change of one coordinate in words."""
         if self.logarithmic[i]:
-            return f"{self.names[i]} times {np.exp(x):.6g}"  # enough digits for what is said of a product to hold
+            return f"{self.names[i]} × {np.exp(x):.6g}"  # enough digits for what is said of a product to hold
         return f"{self.names[i]} {'plus' if x > 0 else 'minus'} {abs(x) * self.scale[i]:.3g}"
 
 

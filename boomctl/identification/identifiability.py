@@ -201,12 +201,13 @@ def _combination(
         sizes = {move: size for move, size in sizes.items() if np.isfinite(size)}
         if sizes and max(sizes.values()) <= allowed:
             said = next(iter(sizes))
-            end = "changes less than the confidence limit: weakly identifiable" if weak else "has no effect on the data"
+            end = "is within the confidence limit" if weak else "has no effect on the data"
             break
     else:
         if weak:
             return None
-        said, end = _CHANGES[-1], "has zero derivative here, only an effect of higher order"
+        said, end = _CHANGES[-1], "has no first-order effect on the data"
     listed = [int(i) for i in np.argsort(-np.abs(scaled), kind="stable") if abs(scaled[i]) > _MIN_TEXT_COMPONENT]
     text = " with ".join(free.described(i, scaled[i] * said) for i in listed)
-    return ParameterCombination({free.names[i]: float(scaled[i]) for i in listed}, weak, f"{text} {end}")
+    name = "weakly identifiable" if weak else "unidentifiable"
+    return ParameterCombination({free.names[i]: float(scaled[i]) for i in listed}, weak, f"{name}: {text} {end}")

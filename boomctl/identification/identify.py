@@ -65,7 +65,8 @@ class IdentifiedMode:
     shape : (p,) ndarray
         Mode shape at the outputs, as displacements; complex, the largest component is one.
     energy_fraction : float
-        Energy of the mode's response to the inputs, outputs scaled by their magnitude, over the sum of all modes.
+        Energy of the mode's response to the inputs, outputs scaled by their magnitude, over the sum over all modes and
+        real poles.
     stabilization : float
         Fraction of the orders with a stable pole at the mode; 0 if it was found in residuals.
     frequency_prediction_interval_hz, damping_ratio_prediction_interval : (float, float)
@@ -260,7 +261,11 @@ class IdentificationResult:
         """
         lines = [self._head(), *("  " + ", ".join(self._row(mode)) for mode in self.modes), *self._others()]
         return "\n".join(
-            [*lines, *(f"  {name}: {fit:.2f} %" for name, fit in self.fit_percent.items()), self.uncertainty_source]
+            [
+                *lines,
+                *(f"  fit of {name}: {fit:.2f} %" for name, fit in self.fit_percent.items()),
+                self.uncertainty_source,
+            ]
         )
 
     def _head(self) -> str:
@@ -273,11 +278,12 @@ class IdentificationResult:
     def _others(self) -> list[str]:
         """Return a line for each real pole, one for integrators, and one for modes that may be two."""
         lines = [
-            f"  real pole {pole.rate:.4g} rad/s ({pole.rate_interval[0]:.4g} to {pole.rate_interval[1]:.4g}), no mode"
+            f"  real pole at {-pole.rate:.4g} rad/s ({-pole.rate_interval[1]:.4g} to {-pole.rate_interval[0]:.4g})"
             for pole in self.real_poles
         ]
         if self.integrators:
-            lines.append(f"  {count(self.integrators, 'integrator')}: a body that moves freely")
+            kind = "pole at zero" if self.integrators == 1 else "a body that moves freely"
+            lines.append(f"  {count(self.integrators, 'integrator')}: {kind}")
         double = ", ".join(f"{mode.frequency_hz:.5g}" for mode in self.modes if mode.closely_spaced)
         return lines + ([f"  possibly closely spaced modes at {double} Hz"] if double else [])
 
@@ -337,14 +343,14 @@ def identify(
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
         Samples, one row per sample; several records as a list. Inputs must be measured. For a free decay, pass an
         impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or
-        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; for a result of
-        `estimate_frequency_response` its record is fitted, within its frequencies, and the full record validated.
+        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; results of
+        `estimate_frequency_response`: their record is fitted in their band and validated in full.
     sample_time : float
         Time between samples [s].
     modes : int, optional
         Number of modes in the band. By default all modes that the data determine, see Notes.
     rigid_body : {0, 1, 2}, optional
-        Integrators of the plant: 1 for a motor whose angle is measured, 2 for a body that a force moves freely, 0 for none.
+        Integrators of the plant: 1 for a motor whose angle is measured, 2 for a free mass driven by a force, 0 for none.
         By default determined from the data.
     frequency_range_hz : (float, float), optional
         Frequency range of the modes [Hz].  By default the range in which all inputs have power.
@@ -360,8 +366,8 @@ def identify(
     confidence_level : float
         Confidence of the intervals, between 0.5 and 1.
     error_model : "relative" or "absolute", optional
-        Errors of a measured frequency response: proportional to its magnitude, or constant; by default the likelier model.
-        Must be None if the scatter of periods or of repeated frequencies gives the errors.
+        Errors of a measured frequency response: proportional to its magnitude, or constant; by default the more likely one.
+        Must be None if errors come from the scatter of periods or repeated frequencies.
 
     Returns
     -------
@@ -372,7 +378,7 @@ def identify(
     ------
     TypeError, ValueError
         If signals are invalid, as for `estimate_frequency_response`, the record is too short, inputs are linearly dependent,
-        fewer modes than requested have evidence, or the mean fit on the validation data is negative.
+        fewer modes than requested are found, or the mean fit on the validation data is negative.
 
     Warns
     -----
@@ -385,12 +391,12 @@ def identify(
     The search starts from a common denominator, computed by linear least squares (Peeters, Van der Auweraer,
     Guillaume & Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues
     and initial conditions eliminated (variable projection, Golub & Pereyra 1973).  A mode is retained if the record
-    determines its damping ratio within a factor of 2 and its frequency within the half-power half bandwidth ``zeta
-    f``, both at 95 % confidence.  Candidates in the residuals, alone or as a close pair, pass the same test in a
-    separate window; close to another mode they must also lower the error on omitted blocks (cross-validation).
+    determines its damping ratio within a factor of 2 and its frequency within half the half-power bandwidth, ``zeta f``,
+    both at 95 % confidence.  Candidates from the residuals, single or in pairs, must pass the same test in a
+    separate band; close to another mode they must also lower the error on omitted blocks (cross-validation).
     Integrators, up to two real poles, and pairs of poles outside the band are added only if this error falls.
 
-    The fit on the validation data is computed by a free run: simulation of the exported system with the inputs alone, from
+    The fit on the validation data is computed by simulation of the exported system with the inputs alone, from
     one initial state.  Then the model is fitted to the full record.
 
     Intervals of the mean come from omitting blocks of the record with equal information (jackknife), so that they also hold
@@ -534,7 +540,7 @@ def _of_record(record: Record, ends_hz: tuple[float, float], back: float, rigid:
             f"inputs: expected each to move by itself from {low:.4g} to {high:.4g} Hz; linearly dependent inputs cannot"
             " be separated"
         )
-    count, data, tested, end = len(record.u), every, every, "validated on what it was fitted to"
+    count, data, tested, end = len(record.u), every, every, "validated on the fitted data"
     if back:
         last, held = 0, f"its last {100.0 * back:g} %"
         if count >= _WHOLE_RECORDS:
@@ -544,7 +550,7 @@ def _of_record(record: Record, ends_hz: tuple[float, float], back: float, rigid:
         else:
             parts = record.part(end=1.0 - back), record.part(begin=1.0 - back)
         data, tested = (Spectra.of_record(part, low, high) for part in parts)
-        end = f"validated by a free run over {held}, then fitted to all of it"
+        end = f"validated by simulation of {held}, then fitted to all of it"
     source = f"intervals from {BLOCKS} blocks of the record, {end}"
     return _Trial(data, tested, every, record.inputs, record.outputs, record.quantity, ends_hz, rigid, source)
 
@@ -622,13 +628,13 @@ def _check_fit(percent: Array, outputs: Sequence[str]) -> None:
     worst = int(np.argmin(percent))
     if percent.mean() < 0.0:
         raise ValueError(
-            f"outputs: expected outputs that the inputs predict, got a fit of {percent.mean():.3g} % on the part that is held"
-            " back; use a longer record, another `frequency_range_hz`, or check that the inputs cause the outputs"
+            f"outputs: expected outputs that the inputs predict, got a fit of {percent.mean():.3g} % on the"
+            " validation data; use a longer record, another `frequency_range_hz`, or check that the inputs cause the outputs"
         )
     if percent.min() < _POOR:
         warn_user(
-            f"The model predicts {outputs[worst]!r} of the validation data by {percent[worst]:.3g} % only (mean"
-            f" {percent.mean():.3g} %). Use a longer record, or another `frequency_range_hz`."
+            f"Validation fit of {outputs[worst]!r} is only {percent[worst]:.3g} % (mean {percent.mean():.3g} %). Use a"
+            " longer record, or another `frequency_range_hz`."
         )
 
 

@@ -191,10 +191,10 @@ def with_intersample(record: Record, top_hz: float) -> Record:
     expected = outputs or inputs
     if record.intersample is not None:
         if expected not in (None, record.intersample):
-            why = "the phase of the outputs is" if outputs else "the spectrum of the inputs is"
+            why = "the phase of the outputs" if outputs else "the input spectrum"
             warn_user(
-                f"intersample = {record.intersample!r}: {why} that of {expected!r}; the wrong one shifts phases by half a"
-                " sample. Check also quantity"
+                f"intersample = {record.intersample!r}: {why} indicates {expected!r}; a wrong choice shifts phases by"
+                " half a sample. Check also `quantity`"
             )
         return record
     if expected is None and top_hz > _SLOW / record.step:

@@ -211,10 +211,10 @@ class FitResult(Summarized):
             One line for each parameter, then the results of the fit.
         """
         width = max(len(name) for name in self.names)
-        numbers = f"{self.data.size:,} values ({self.data.kind})"
+        numbers = f"{self.data.size:,} {'value' if self.data.size == 1 else 'values'} ({self.data.kind})"
         lines = [f"fit of {count(len(self.names), 'parameter')} to {numbers}", self.certificate.adequacy]
         lines += [f"{n:{width}}  {self.values[n]:<12.6g} {self.interval_text(n)}" for n in self.names]
-        lines += [f"unidentifiable: {item.description}" for item in self.unidentifiable]
+        lines += [item.description for item in self.unidentifiable]
         for k, values in enumerate(self.per_dataset, start=1):
             lines.append(f"data set {k}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
         lines += [self._errors(), f"{100.0 * self.confidence_level:g} % intervals from {self.uncertainty_source}"]
@@ -231,7 +231,7 @@ class FitResult(Summarized):
             return "no residual degrees of freedom: set error_std"
         size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
         origin = "estimated from residuals" if self.error_std_estimated else "specified"
-        return f"error standard deviation (weight 1) {size}, {origin}"
+        return f"error standard deviation at weight 1: {size}, {origin}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values, fitted values and those at the start.

@@ -66,22 +66,22 @@ def reduce(
     Parameters
     ----------
     system : control.StateSpace, control.TransferFunction or SecondOrderModel
-        The stable part of a discrete system is reduced as its continuous image under the bilinear map, which has the same
+        The stable part of a discrete system is reduced after a bilinear transformation, which preserves
         norms and Hankel singular values.
     order : int, optional
-        Number of states, retained states included.  The result has fewer, with a warning, if the remaining Hankel
-        singular values are rounding error, or "modal" would separate a pair of poles.
+        Number of states, retained states included.  The result has fewer, with a warning, if the other Hankel
+        singular values are at rounding level, or "modal" would separate a pair of poles.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
         Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
-        not), modal truncation (dominant modes) with the static gain of the others; and for a structure, dominant
-        undamped modes with the static gain of the others, which returns a structure (of even order,
+        not), modal truncation (dominant modes) with static correction for the others; and for a structure, dominant
+        undamped modes with static correction for the others, which returns a structure (of even order,
         without an a priori bound: ``inf``).
     max_error : float, optional
         Instead of ``order``: largest absolute verified error; the lowest such order is selected.  If there is none, the
         system itself is returned, with an error of zero.
     omega_range : (float, float), optional
-        Frequency range [rad/s] in which the reduced system is accurate, ascending.  The measured error is then the
+        Frequency range [rad/s] in which the reduced system is accurate, ascending.  The verified error is then the
         largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.  Must be None for
         "hankel" and "modal".
     progress : callable, optional
@@ -99,7 +99,7 @@ def reduce(
         If `system` has another type, an unspecified sampling time or a value that is not finite, if `method` is unknown, if
         not exactly one of `order` and `max_error` is specified, if `order` is above the order of the system, below that of
         its retained part, or separates equal Hankel singular values ("hankel"), or if `omega_range` does not ascend or is
-        too far from the poles.
+        far outside the range of the poles.
     ReductionError
         If the error exceeds its bound or could not be verified.
 

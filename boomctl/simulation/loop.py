@@ -82,8 +82,8 @@ def simulate_loop(
     """Simulate a plant under a sampled controller.
 
     Between samples, controls are held and disturbances are interpolated linearly.  A linear plant is discretized exactly, a
-    hub-beam is integrated to ``rtol`` and ``atol``.  At each sample, the controller reads the outputs just before the
-    control changes and computes a command, which is saturated at ``control_limit``, then limited in its rate to
+    hub-beam is integrated to ``rtol`` and ``atol``.  At each sample, the controller reads the outputs before the control
+    update and computes a command, which is saturated at ``control_limit``, then limited in its rate to
     ``rate_limit``, and acts after ``delay``.
 
     Parameters
@@ -118,7 +118,7 @@ def simulate_loop(
         Resolution of the measurements.
     anti_windup : bool
         Correct the controller's state by the difference between applied and commanded control (back-calculation), with
-        a gain for which the state is proved bounded if one control or all controls saturate. If no gain is found, there
+        a gain proved to keep the state bounded if one control or all controls saturate. If no gain is found, there
         is no anti-windup and a warning is issued.
     friction : CoulombFriction, optional
         Dry friction in the plant.
@@ -138,7 +138,7 @@ def simulate_loop(
         Additional outputs of a hub-beam.
     rtol, atol : float
         Limit ``atol + rtol max |displacement|`` [m] on the error of a hub-beam's tip displacement, and on the error of the
-        hub angle times the radius of the free end.  Linear plants are exact.
+        hub angle times the tip radius.  Linear plants are exact.
 
     Returns
     -------

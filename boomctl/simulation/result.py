@@ -101,7 +101,7 @@ class LoopResult(TimeSeries):
 
     def __repr__(self) -> str:
         span = f"{self.time[0]:.6g} to {self.time[-1]:.6g} s, {len(self.time)} samples"
-        late = f", {self.delay:.4g} s late" if self.delay else ""
+        late = f", delay {self.delay:.4g} s" if self.delay else ""
         controls = f"controls {listed(list(self.controls), 50)}{late}" if self.controls else "no controller"
         limited = [f"{count(len(self.stop_contacts), 'hit')} of a stop"] if self.stop_contacts else []
         limited += [

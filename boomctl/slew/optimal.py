@@ -170,8 +170,8 @@ def optimal_slew(
     Parameters
     ----------
     system : hub-beam or control.StateSpace
-        The first input of a linear system is the torque, its first output the angle; the terminal state is the
-        equilibrium ``A x = 0`` with the slew angle. Outputs "tip_displacement" and "root_moment" are identified by name.
+        The first input of a linear system is the torque, its first output the angle; the terminal state satisfies
+        ``A x = 0`` at the slew angle. Outputs "tip_displacement" and "root_moment" are identified by name.
         Reports and plots use its signal names, and show units if these are "torque" and "hub_angle".
     angle : float or None
         Slew angle [rad]. If None, the final angle is free (spin-up), or that of ``final_state``.
@@ -270,7 +270,7 @@ def _search(time_limit: float, progress: Callable[[SlewProgress], object] | None
                 yield deadline
     except OutOfTimeError as over:
         raise SlewError(
-            f"time_limit = {limit:g} s: over before there was a slew that the replay confirms; reached: {over}. "
+            f"time_limit = {limit:g} s: exceeded before a slew was verified; stage: {over}. "
             "Expected more time, fewer modes or payloads, or a larger tolerance"
         ) from None
 

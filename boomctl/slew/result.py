@@ -122,19 +122,22 @@ class SlewCertificate:
     intervals: int | None
 
     def __repr__(self) -> str:
-        met = f"; limits met: {', '.join(self.active_constraints)}" if self.active_constraints else ""
-        free = (
-            f" ({self.prescribed_terminal_error:.1e} without axial motion, left free)"
-            if self.free_terminal_errors
-            else ""
-        )
-        errors = f"end error {self.terminal_error:.1e}{free}, limits exceeded by {self.constraint_violation:.1e}{met}"
-        return f"SlewCertificate: {self.method}\n  {self.summary}\n  {errors}"
+        active = f"; active: {', '.join(self.active_constraints)}" if self.active_constraints else ""
+        limits = f"limit violation {self.constraint_violation:.1e}{active}"
+        return f"SlewCertificate: by {self.method}\n  {self.summary}\n  {self._errors}\n  {limits}"
+
+    @property
+    def _errors(self) -> str:
+        """Error of the prescribed coordinates, then that of the axial motion."""
+        text = f"terminal error {self.prescribed_terminal_error:.1e}"
+        if not self.free_terminal_errors:
+            return text
+        return f"{text} (unconstrained axial motion {max(self.free_terminal_errors.values()):.1e})"
 
     @property
     def summary(self) -> str:
         """Statement on the optimality of the slew."""
-        return f"{self._optimum}; of the beam without axial modes" if self.free_terminal_errors else self._optimum
+        return f"{self._optimum}; without axial modes" if self.free_terminal_errors else self._optimum
 
     @property
     def _optimum(self) -> str:
@@ -143,11 +146,11 @@ class SlewCertificate:
             return f"proved optimal within {max(gap, 1e-15):.0e} of the cost"
         if self.optimality_status == "extremal":
             within = f" within {gap:.0e}" if gap > 0.0 else ""
-            return f"Pontryagin's conditions hold{within}, on a problem that is not convex"
-        mesh = f"stationary on its mesh of {self.intervals} intervals"
+            return f"Pontryagin's conditions hold{within}; optimality not proved"
+        mesh = f"stationary on {count(self.intervals or 0, 'interval')}"
         if gap == float("inf"):
             return f"{mesh}; no other mesh to estimate the optimality gap"
-        return f"{mesh}; one half or twice as fine changes the cost by {gap:.0e}"
+        return f"{mesh}; relative cost change {gap:.0e} on another mesh"
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,18 +225,13 @@ class SlewResult(Summarized, TimeSeries):
         if self.tip_displacement is not None:
             tip = f", tip up to {abs(self.tip_displacement).max():.4g} {self._labels['tip'][1]}".rstrip()
         if isfinite(self.small_deformation_until):
-            tip += f", beyond a tenth of the length after {self.small_deformation_until:.4g} s"
-        free = (
-            f" ({self.certificate.prescribed_terminal_error:.1e} without axial motion)"
-            if self.certificate.free_terminal_errors
-            else ""
-        )
-        left = f"{free}, {self.residual_energy:.1e} J left" if self.residual_energy is not None else free
+            tip += f", small-deformation model invalid after {self.small_deformation_until:.4g} s"
+        residual = f", residual {self.residual_energy:.1e} J" if self.residual_energy is not None else ""
         name, unit = self._labels["torque"]
         torque = f"{name} up to {f'{self.torque_profile.peak:.6g} {unit}'.rstrip()}{tip}"
         return (
             f"SlewResult: {self.title}, {turned}\n  {torque}\n"
-            f"  end error {self.terminal_error:.1e}{left}\n  {self.certificate.summary}"
+            f"  {self.certificate._errors}{residual}\n  {self.certificate.summary}"
         )
 
     @property
@@ -410,8 +408,8 @@ class SlewResult(Summarized, TimeSeries):
         if self.tip_displacement is not None:
             result[f"tip displacement: peak{'' if own else ' [m]'}"] = float(abs(self.tip_displacement).max())
         if self.residual_energy is not None:
-            result["energy left [J]"] = self.residual_energy
-        return result | {"end error": self.terminal_error}
+            result["residual energy [J]"] = self.residual_energy
+        return result | {"terminal error": self.terminal_error}
 
     def plot(self, ax: Any = None, **style: Any) -> Array:
         """Draw torque, hub and tip over time, with limits that are nearly reached.

@@ -215,13 +215,13 @@ class SlewEvaluation(Evaluation):
         words = [
             f"{beam.model.upper()} with {count(beam.modes, 'mode')} and a tip mass of {beam.parameters.tip_mass:g} kg.",
             *str(slew).removeprefix("SlewResult: ").splitlines(),
-            f"Method: {result.method}; {str(result).splitlines()[-1].strip()}.",
+            f"Method: {result.method}; {', '.join(line.strip() for line in str(result).splitlines()[2:])}.",
         ]
         if result.n_switches is not None:
             words.append(f"Switching times: {', '.join(f'{t:.5f}' for t in slew.torque_profile.switching_times)} s.")
         certain = {
-            "end error": (result.terminal_error, _REPLAY),
-            "limits exceeded by": (result.constraint_violation, _REPLAY),
+            "terminal error": (result.terminal_error, _REPLAY),
+            "limit violation": (result.constraint_violation, _REPLAY),
             "optimality gap": (result.optimality_gap, _OPTIMAL[result.optimality_status]),
         }
         checked = [

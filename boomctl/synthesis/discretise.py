@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, from_on, known, positive, up_to
+from boomctl.checks import exactly, known, positive, up_to
 from boomctl.lti.bilinear import discretized
 from boomctl.lti.system import controller_of
 from boomctl.threads import one_blas_thread
@@ -94,8 +94,8 @@ def _check_poles(poles: Array, T: float, samples: float, corner: float) -> None:
     needed = samples * abs(fastest) / (2.0 * np.pi)
     if needed * T > 1.0:
         raise ValueError(
-            f"`sample_time` must allow for {from_on(needed)} Hz or more, {samples:g} samples in a period of the controller's"
-            f" pole at {fastest:.4g} rad/s, got {exactly(T)} s. Sample faster, or remove faster poles by"
+            f"`sample_time` must be at most {up_to(1.0 / needed)} s ({samples:g} samples per period of the controller pole"
+            f" at {fastest:.4g} rad/s), got {exactly(T)} s. Sample faster, or remove faster poles by"
             f" reduce_controller(P, K, fastest_pole={2.0 * np.pi / (samples * T):.4g})."
         )
     for pole in poles[np.abs(poles / corner - 1.0) <= _CORNER_RTOL]:

@@ -13,6 +13,7 @@ from boomctl.lti.modal import sides
 from boomctl.lti.rounding import CERTIFIED, LEVEL
 from boomctl.lti.system import ClosedLoop, Lti, lower_lft
 from boomctl.printing import count as counted
+from boomctl.printing import percent
 from boomctl.progress import Deadline, tell
 from boomctl.synthesis.certificate import ActivePeak, ChannelNorm, DesignCertificate
 from boomctl.synthesis.lq.h2 import h2
@@ -212,7 +213,7 @@ def _used_up(
     """Return the active bounds; raise an error if one is exceeded."""
     result = []
     for item, number, low, high in zip(problem.free, x, problem.low, problem.high, strict=True):
-        for end, name in ((low, "least"), (high, "largest")):
+        for end, name in ((low, "minimum"), (high, "maximum")):
             if abs(number - end) <= LEVEL * (high - low):
                 away = f"{item.name} diverges: infimum at infinite gain; set max_gain"
                 result.append(away if item.kind == GAIN else f"{item.name} at its {name}, {item.value(number):.6g}")
@@ -240,15 +241,14 @@ def _summary(c: DesignCertificate, top: ChannelNorm, search: Search, edges: list
     over = f", the largest of {models} models" if models > 1 else ""
     said = [f"{top.channel.text} {top.value:.6g}{over}, {kind}"]
     if c.lower_bound > 0.0:
-        gap = 100.0 * c.optimality_gap
-        said.append(f"at most {gap:.2g} % above {c.lower_bound:.6g}, the lower bound for all orders")
+        said.append(f"at most {percent(c.optimality_gap)} above {c.lower_bound:.6g}, the lower bound for any order")
     else:
         said.append(f"no lower bound: {c.lower_bound_source.removeprefix('none: ')}")
     same = sum(isfinite(s.objective) and abs(s.objective / exp(search.value) - 1.0) < _ACTIVE for s in search.starts)
-    said.append(f"stationary to {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
-    said.append(f"{same} of {len(search.starts)} starts came here")
+    said.append(f"stationarity {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
+    said.append(f"reached from {same} of {counted(len(search.starts), 'start')}")
     if c.worst_case is not None:
-        said.append(f"over the family {c.worst_case.value:.6g} at most as far as was found ({c.worst_case.model})")
+        said.append(f"largest norm found over the family {c.worst_case.value:.6g} ({c.worst_case.model})")
     if c.active_constraints:
-        said.append(f"used up: {', '.join(c.active_constraints)}")
+        said.append(f"active: {', '.join(c.active_constraints)}")
     return "; ".join([*said, *edges[:1]])

@@ -18,7 +18,7 @@ from boomctl.tuning.solver.search import TuneStart
 if TYPE_CHECKING:
     import control
 
-_UNFINISHED = ("out of time", "stopped", "worse by", "found nothing")  # first words of stages that end a search early
+_UNFINISHED = ("stopped", "worse by", "found nothing")  # first words of stages that end a search early
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class TuneResult(Summarized, Design):
         ]
         lines.append("starts:")
         lines += [f"  {s.origin}: {s.objective:.6g} after {count(s.nit, 'step')}" for s in self.starts]
-        lines += ["done: " + "; ".join(c.stages)] if c.stages else []
+        lines += ["stages:", *(f"  {stage}" for stage in c.stages)] if c.stages else []
         return "\n".join(lines)
 
     def __figures__(self) -> dict[str, float]:
@@ -152,7 +152,7 @@ class TuneResult(Summarized, Design):
 
     def __repr__(self) -> str:
         lower = self.certificate.lower_bound
-        least = f"; lower bound for all orders {lower:.6g}" if lower > 0.0 else ""
+        least = f"; lower bound for any order {lower:.6g}" if lower > 0.0 else ""
         many = f" over {len(self.models)} models" if len(self.models) > 1 else ""
         lines = [
             f"TuneResult: controller of {system(self._controller)}",

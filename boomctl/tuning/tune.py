@@ -25,7 +25,7 @@ from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.plants import FamilyPlants, build_plants
 from boomctl.tuning.problem import BOUNDS, DAMPING, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
-from boomctl.tuning.solver.search import Search, search
+from boomctl.tuning.solver.search import TIME_OVER, Search, search
 
 if TYPE_CHECKING:
     from boomctl.lti.system import Controller
@@ -68,8 +68,8 @@ def tune(
         loops are stabilized.  A function maps the tuned plant parameters, by name, to a plant, or, with
         ``family``, a `SecondOrderModel` of the family.
     nmeas, ncon : int, optional
-        Numbers of measurements and controls; both 0 if only physical parameters are tuned.  Optional in that case, and for
-        results of `generalized_plant` or `mixed_sensitivity`.
+        Numbers of measurements and controls; both 0 if only physical parameters are tuned.  Optional then, and for results
+        of `generalized_plant` or `mixed_sensitivity`.
     structure : ControllerForm
         Structure from `boomctl.tunable`: blocks are connected in parallel by ``+`` and in series by ``*``.
     channels : sequence of Channel, optional
@@ -251,7 +251,7 @@ def _searched(
         warnings.simplefilter("ignore", RuntimeWarning)  # from rejected trial points
         result = search(problem, starts, rng, deadline, initial)
     if result.best is None:
-        ended = {"stopped": " before it was stopped", "out of time": " in the time allowed"}
+        ended = {"stopped": " before it was stopped", TIME_OVER: " in the time allowed"}
         when = ended.get((result.stages or [""])[-1], "")
         many = " all models" if len(problem.plants.models) > 1 else ""
         near = f"; smallest spectral abscissa reached: {result.abscissa:.4g} rad/s"

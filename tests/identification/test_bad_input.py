@@ -98,7 +98,7 @@ fit_boom(data=control.frd([1.0, np.nan], [1.0, 2.0])) -> expected finite
 bc.identify(record()[0][:, [0, 0]], record()[1], STEP) -> linearly dependent inputs cannot be separated
 identify(frequency_range_hz=(1.0, 2.0, 3.0)) -> `frequency_range_hz` must be two nonnegative numbers, ascending
 identify(confidence_level=1.0) -> confidence_level = 1.0: expected a number from 0.5 to below 1
-identify(slice(0, 60)) -> at least 48 lines of the spectrum
+identify(slice(0, 60)) -> at least 48 frequencies in the band
 identify(error_model="relative") -> error_model = 'relative': expected None for a record
 bc.identify(EXACT, record()[0]) -> expected None for a measured frequency response
 bc.identify(BOTH) -> inputs: expected a frequency response with its phase, got magnitudes alone; give a file

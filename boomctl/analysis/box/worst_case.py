@@ -101,7 +101,7 @@ class WorstCase:
         proved = f"at most {from_on(self.upper_bound)} over the box, proved in {count(self.cells, 'cell')}"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
         least = f"{NAMES[self.worst_norm.kind]} norm of at least {self.worst_norm.lower_bound:.5g}"
-        return f"{least} {where}; {bound}; {middle}; {self.nfev} evaluations"
+        return f"{least} {where}; {bound}; {middle}; {count(self.nfev, 'evaluation')}"
 
     def __figures__(self) -> dict[str, float]:
         """Return the metrics for a comparison."""
@@ -133,8 +133,8 @@ def worst_case(
     norm is proved to be below the bound (:mod:`boomctl.analysis.box.prove`).  A finite upper bound implies robust stability
     over the box.
 
-    With a discrete-time controller the loop is that of :func:`boomctl.feedback_loop`: disturbances pass a zero-order hold,
-    and outputs are sampled.  The loop is approximated by a polynomial in the parameters
+    With a discrete-time controller the loop is that of :func:`boomctl.feedback_loop`: disturbances are held between
+    samples, and outputs are sampled.  The loop is approximated by a polynomial in the parameters
     (:mod:`boomctl.analysis.box.sampled`); the proof allows for ten times the error estimated at random points.
 
     Parameters
@@ -148,7 +148,7 @@ def worst_case(
         Signals of the closed loop (:func:`boomctl.feedback_loop`) between which the norm is computed.  If None, all
         disturbances and injected signals, and all outputs of the family.
     norm : {"hinf", "h2"}
-        Largest singular value over frequency, or RMS of the outputs for white noise.  The H2 norm has no upper bound.
+        Largest singular value over frequency, or RMS of the outputs for white noise.  No upper bound is computed for H2.
     rtol : float or None
         Relative gap between the bounds at which the search stops.  If `max_cells` is exceeded, the gap is relaxed to ten,
         then a hundred times `rtol`.  If None, no upper bound is computed.

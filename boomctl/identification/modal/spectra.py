@@ -60,8 +60,8 @@ class Spectra:
             use = np.flatnonzero((hz > 0.0) & (hz >= low) & (hz <= high) & (hz < 0.5 / record.step))
             if len(use) < FEWEST * u.shape[1]:
                 raise ValueError(
-                    f"inputs: expected at least {FEWEST * u.shape[1]} lines of the spectrum in the band, got {len(use)} in"
-                    " the part that is fitted or held back; a longer record has more, or a wider band where inputs have power"
+                    f"inputs: expected at least {FEWEST * u.shape[1]} frequencies in the band, got {len(use)} in"
+                    " the fitted or validation part; use a longer record or a wider excited band"
                 )
             spectra = (np.fft.rfft(x - x.mean(axis=0), axis=0)[use] / np.sqrt(len(u)) for x in (u, y))
             parts.append((2j * np.pi * hz[use], *spectra, np.full(len(use), k)))

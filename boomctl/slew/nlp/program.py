@@ -219,7 +219,8 @@ def _failure(
     met = {kind: near > AT_LIMIT - 1.0 for kind, near in over.items()}
     met["torque"] = np.abs(x[t.layout.torques]) * t.units.torque > AT_LIMIT * problem.limits.torque
     active = [
-        f"{words[kind]} is met from t = {np.argmax(near) * duration / t.intervals:.4g} s, for {np.mean(near):.0%} of the time"
+        f"{words[kind]} is active from t = {np.argmax(near) * duration / t.intervals:.4g} s,"
+        f" {100.0 * np.mean(near):.0f} % of the time"
         for kind, near in sorted(met.items(), key=lambda item: -np.mean(item[1]))
         if near.any()
     ]

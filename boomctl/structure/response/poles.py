@@ -5,6 +5,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array, blocks
 from boomctl.lti.rounding import ALIKE, DIGIT, ROOT, SUMMED, warn_of_rounding
+from boomctl.printing import count as counted
 from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
@@ -71,7 +72,8 @@ def damped_poles(structure: Structure, count: int, limit: float = WARN_RTOL, lea
             poles = _poles_off_zero(structure, modes)
     upper = poles[poles.imag > _CRITICAL * np.abs(poles)]
     if len(upper) < (count if least is None else least):
-        raise ValueError(f"count = {count}: the model has only {len(upper)} damped eigenfrequencies")
+        found = counted(len(upper), "damped eigenfrequency", "damped eigenfrequencies")
+        raise ValueError(f"count = {count}: the model has only {found}")
     lowest = upper[np.argsort(upper.imag)][:count]
     if form is not None and len(lowest):
         error = DIGIT * float(np.abs(lowest[-1]) / np.abs(poles[poles != 0.0]).min())

@@ -19,7 +19,7 @@ from boomctl.checks import positive
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.bilinear import continuous_image, discrete_image, omega_of_image
 from boomctl.lti.rounding import SOLVED
-from boomctl.printing import Summarized, system
+from boomctl.printing import Summarized, percent, system
 from boomctl.progress import Deadline, Listener, OutOfTimeError, computing
 from boomctl.reduction.result import ReductionResult
 from boomctl.synthesis.assumptions import checked
@@ -127,8 +127,8 @@ def h_infinity(
     """Design a controller ``u = K y`` whose closed loop has an H-infinity norm near the lowest possible one.
 
     The assumptions are checked first. The level gamma is found by bisection. The controller is verified: the closed
-    loop is stable, and its norm is at most 1.01 times the level. The limit on the controller's poles takes precedence
-    over ``rtol``, which the certificate then reports.
+    loop is stable, and its norm is at most 1.01 times the level. The limit on the controller's poles
+    overrides ``rtol``; the certificate reports it.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def h_infinity(
         Generalized plant: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are controls, see
         `generalized_plant`. If it, or the plant passed to `generalized_plant`, is a result of `reduce`, the design is
         also evaluated on the full plant: ``certificate.full_plant``. For a discrete plant the controller is designed for
-        its continuous image by the bilinear map, which has the same loops and norms. Controller and loop are mapped back
+        its bilinear transform, which has the same loops and norms. Controller and loop are mapped back
         and verified on the unit circle.
     nmeas, ncon : int, optional
         Numbers of measurements and controls. If None, they are determined from the labels that `generalized_plant` and
@@ -146,9 +146,9 @@ def h_infinity(
     rtol : float, default: 0.01
         Relative gap between the norm and the lower bound at which the bisection stops.
     fastest_pole : float, optional
-        Largest magnitude of the controller's poles [rad/s]. If None, 1,000 times the band, the fastest pole of the plant
-        and of its H2-optimal state feedback and filter; this default is dropped, and reported, if it would cost more than
-        twice the lowest norm. Not for a discrete plant.
+        Largest magnitude of the controller's poles [rad/s]. If None, 1,000 times the fastest pole of the plant and
+        of its H2-optimal state feedback and filter; dropped, and reported, if the norm would exceed
+        twice the lower bound. Not for a discrete plant.
     time_limit : float, default: 60
         Time limit [s].
     progress : callable, optional
@@ -321,7 +321,7 @@ def _summary(task: _Task, bounds: Bounds, candidate: Candidate) -> str:
     text = f"verified norm {gamma:.6g}"
     if bounds.lower > 0.0:
         excess = gamma / bounds.lower - 1.0
-        text += f", at most {100.0 * excess:.2g} % above {bounds.lower:.6g}, the lower bound for all controllers"
+        text += f", at most {percent(excess)} above {bounds.lower:.6g}, the lower bound for all controllers"
         if task.wanted is None and excess > task.rtol:
             unreached = bounds.reached > bounds.lower * (1.0 + task.rtol)
             reason = "due to rounding" if unreached else f"with poles below {task.fastest:.3g} rad/s"

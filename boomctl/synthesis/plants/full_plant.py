@@ -149,11 +149,11 @@ def _summary(reduction: ReductionResult, stable: bool | None, ratio: float, slow
     elif norm.method == _UNDEFINED:
         cost = f"; its cost there is {_UNDEFINED}"
     elif norm.kind == "h2":
-        cost = f"; its H2 norm there is {norm.value:.6g}, a cost of {norm.value**2:.6g} ({norm.status})"
+        cost = f"; its H2 norm {norm.value:.6g}, a cost of {norm.value**2:.6g} ({norm.status})"
     elif isfinite(norm.upper_bound):
-        cost = f"; its norm there is {norm.upper_bound:.6g}"
+        cost = f"; its norm {norm.upper_bound:.6g}"
     else:
-        cost = f"; its norm there is at least {norm.lower_bound:.6g} ({norm.method})"
+        cost = f"; its norm at least {norm.lower_bound:.6g} ({norm.method})"
     return f"stable {plant} ({how}){cost}"
 
 

@@ -20,6 +20,7 @@ from boomctl.tuning.solver.descent import descend
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most; polishing is more efficient
 _LEVELS = (-2.0, 1.0)  # decimal exponents between which random gains are drawn, over their natural size
+TIME_OVER = "stopped: time limit"  # stage of a search whose time is over
 _NEARBY = "near order"  # origin of a start near the optimum of a lower order
 _FINISHED = 2  # starts that are completed: the best after their first round
 _BEGINNING = 0.5  # fraction of the time limit for first rounds of all starts
@@ -244,14 +245,14 @@ def search(
             if "stopped" in inner.stages or deadline.over:
                 for _, x in initial:
                     work.keep(Point(problem, problem.clipped(x), work.known))
-                work.stages.append("stopped" if "stopped" in inner.stages else "out of time")
+                work.stages.append("stopped" if "stopped" in inner.stages else TIME_OVER)
                 return work
         for k in range(max(starts - len(initial), 1)):
             level = float(10.0 ** rng.uniform(*_LEVELS)) if k else QUIET
-            initial.append(("drawn" if k else "quiet", problem.structure.drawn(problem.ports, rng, level, k == 0)))
+            initial.append(("random" if k else "low-gain", problem.structure.drawn(problem.ports, rng, level, k == 0)))
         work.from_starts(initial, reached)
     except OutOfTimeError:
-        work.stages.append("out of time")
+        work.stages.append(TIME_OVER)
     except KeyboardInterrupt:
         work.stages.append("stopped")
     return work
