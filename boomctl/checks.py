@@ -263,14 +263,14 @@ def frequencies(name: str, value: ArrayLike) -> Array:
     return omega
 
 
-def known(what: str, name: object, choices: Iterable[str]) -> str:
+def known(what: str, name: object, choices: Iterable[str], there: str = "there are") -> str:
     """Return ``name`` if it is among ``choices``; otherwise raise an error that lists them and suggests the nearest."""
     listed = list(choices)
     if isinstance(name, str) and name in listed:
         return str(name)
     close = get_close_matches(str(name), listed, n=1, cutoff=0.5)
     hint = f"; did you mean {close[0]!r}?" if close else ""
-    raise ValueError(f"unknown {what} {shown(name)}{hint} (there are: {', '.join(listed) or 'none'})")
+    raise ValueError(f"unknown {what} {shown(name)}{hint} ({there}: {', '.join(listed) or 'none'})")
 
 
 def signal_name(what: str, name: object) -> str:
@@ -282,7 +282,9 @@ def signal_name(what: str, name: object) -> str:
     return name
 
 
-def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str]) -> tuple[str, ...]:
+def names(
+    what: str, wanted: str | Sequence[str] | None, choices: Sequence[str], there: str = "there are"
+) -> tuple[str, ...]:
     """Return the wanted names, each known and none twice; ``None`` means all of ``choices``; no names are a TypeError."""
     if wanted is None:
         return tuple(choices)
@@ -290,7 +292,7 @@ def names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[str])
         raise TypeError(f"{what} = {shown(wanted)}: expected a name or a sequence of names")
     listed = (wanted,) if isinstance(wanted, str) else tuple(wanted)
     for name in listed:
-        known(what, name, choices)
+        known(what, name, choices, there)
     if len(set(listed)) != len(listed):
         twice = next(name for name in listed if listed.count(name) > 1)
         raise ValueError(f"{what} {twice!r} is given twice")

@@ -49,7 +49,8 @@ class Mode:
         Pole [rad/s], of a pair the one with positive imaginary part; in discrete time the rate ``log(z)/dt``, ``-inf`` for
         ``z = 0``.
     input_participation, output_participation : (m,) and (p,) ndarray
-        From 0 to 1: modal peak relative to the largest modal peak between an input and any output (an output and any input).
+        From 0 to 1: modal peak relative to the largest finite modal peak between an input and any output (an output and any
+        input).
     modal_peaks : (p, m) ndarray
         ``|c_o| |b_i|/|Re p|`` in units of output over input, in discrete time ``|c_o| |b_i|/|1 - |z||``; ``inf`` for an
         undamped mode that contributes.
@@ -227,9 +228,8 @@ def mode_table(system: SecondOrderModel | control.StateSpace | control.TransferF
     decay = np.abs(poles.real) if dt == 0.0 else np.abs(1.0 - np.abs(poles))
     shown = residues > _HIDDEN * residues.max(axis=0, initial=TINY)
     peaks = np.where(undamped, np.where(shown, np.inf, 0.0), residues / np.where(undamped, 1.0, decay[:, None, None]))
-    largest = peaks.max(axis=0, initial=0.0)
-    # Rigid-body modes are the first rows, and do not count as the highest mode.
-    count = len(chain)
+    largest = np.where(undamped, 0.0, peaks).max(axis=0, initial=0.0)
+    count = len(chain)  # Rigid-body modes are the first rows.
     peaks = np.concatenate([np.tile(np.where(chain.any(axis=0), np.inf, 0.0), (count, 1, 1)), peaks])
     with np.errstate(invalid="ignore", divide="ignore"):
         fractions = np.where(np.isinf(peaks), 1.0, np.where(largest > 0.0, peaks / largest, 0.0))

@@ -26,9 +26,10 @@ def box(result: Any, probability: float, margin: float) -> dict[str, Range]:
     intervals, dofs = result._uncertain
     for name, (value, low, high) in intervals.items():
         if not np.isfinite([low, high]).all() or (low <= 0.0 < value):
+            advice = "fit without it, or measure what shows it" if dofs[name] else "with dof = 0, set error_std"
             raise ValueError(
                 f"family: expected parameters that the measurements bound, got {name} from {low:.4g} to {high:.4g};"
-                " fit without it, or measure what shows it"
+                f" {advice}"
             )
         dof = np.array(dofs[name])
         item = 1.0 - (1.0 - level) / len(intervals)

@@ -161,8 +161,8 @@ def fit(
 
     For a single data set, standard deviations are assumed proportional to 1 / weight: intervals are too narrow if relative
     errors are fitted as absolute, which ``certificate.adequacy`` reports. The intervals do not include a bias of the model
-    that is common to all data sets: ``certificate.adequacy`` compares residuals with errors. Parameters that are not
-    identifiable have an infinite interval and are listed in ``unidentifiable``.
+    that is common to all data sets: ``certificate.adequacy`` compares residuals with errors. Unidentifiable parameters have
+    infinite intervals; weak combinations are listed too, in ``unidentifiable``.
 
     Examples
     --------
@@ -186,7 +186,10 @@ def fit(
         return dict(zip(names, numbers.tolist(), strict=True))
 
     zero = np.zeros(free_parameters.size)
-    initial_fit, _ = problem.answer(zero)  # errors of the model at the start are raised here
+    try:
+        initial_fit, _ = problem.answer(zero)  # errors of the model at the start are raised here
+    except KeyError as error:
+        raise ValueError(f"model: parameter {error} is missing; add it to `initial`") from error
     if not np.isfinite(measured.residuals(initial_fit)).all():
         raise ValueError("model: expected finite values above zero at the start; of absolute errors zeros will do")
     with computing("fit", progress):

@@ -50,7 +50,7 @@ class FreeParameters:
             raise TypeError("free = None: expected names of parameters, or a mapping from names to (low, high)")
         numbers = _numbers(record)
         ranges: dict[str, Any] = dict(free) if isinstance(free, Mapping) else {}
-        listed = names("free parameter", tuple(ranges) if ranges else free, tuple(numbers))  # type: ignore[arg-type]
+        listed = names("free parameter", tuple(ranges) if ranges else free, tuple(numbers), "`initial` has")  # type: ignore[arg-type]
         if not listed:
             raise ValueError("free: expected at least one parameter, got none")
         if isinstance(build, Family):

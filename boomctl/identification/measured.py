@@ -349,7 +349,7 @@ def _frequencies(model: Any, data: Measured) -> Array:
     least = data.least
     wanted = least if data.modes else least + _FURTHER_MODES
     if isinstance(model, SecondOrderModel):
-        offered = damped_poles(model.structure, wanted, least=least).imag / (2.0 * np.pi)
+        offered = damped_poles(model.structure, wanted, least=0).imag / (2.0 * np.pi)
         warn_of_units(offered)
     elif hasattr(model, "divergence_speed"):  # a hub-beam
         offered = np.asarray(model.eigenfrequencies_hz(), dtype=float)
@@ -361,7 +361,8 @@ def _frequencies(model: Any, data: Measured) -> Array:
     if (offered <= 0.0).any():
         raise ValueError(f"model: expected eigenfrequencies above zero, got {offered.min():g}")
     if len(offered) < least:
-        raise ValueError(f"model: expected a model with at least {least} eigenfrequencies, got {len(offered)}")
+        measured = f"modes: mode {least}" if data.modes else f"data: {least} frequencies"
+        raise ValueError(f"{measured}, but the model has only {len(offered)}")
     return offered
 
 

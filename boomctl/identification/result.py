@@ -177,12 +177,14 @@ class FitResult(Summarized):
         Returns
         -------
         str
-            Its ends, such as "1060 to 1271", or on which side it is open; "not determined" where it is on both.
+            Its ends, such as "1060 to 1271", or on which side it is open; "not determined" where it is on both,
+            "no interval" if ``dof`` is 0.
         """
         low, high = self.intervals[name]
         open_low = low == -inf or (low == 0.0 and self.values[name] > 0.0)
         if high == inf:
-            return "not determined" if open_low else f"{low:.6g} or more"
+            unbounded = "not determined" if self.parameter_dof[name] else "no interval"
+            return unbounded if open_low else f"{low:.6g} or more"
         return f"{high:.6g} or less" if open_low else f"{low:.6g} to {high:.6g}"
 
     def to_pandas(self) -> DataFrame:
@@ -217,8 +219,7 @@ class FitResult(Summarized):
         lines += [item.description for item in self.unidentifiable]
         for k, values in enumerate(self.per_dataset, start=1):
             lines.append(f"data set {k}: {', '.join(f'{n} = {value:.5g}' for n, value in values.items())}")
-        lines += [self._errors(), f"{100.0 * self.confidence_level:g} % intervals from {self.uncertainty_source}"]
-        return "\n  ".join([*lines, self.certificate.checks])
+        return "\n  ".join([*lines, self._errors(), self.certificate.checks])
 
     def __repr__(self) -> str:
         values = ", ".join(f"{name} = {self.values[name]:.6g} ({self.interval_text(name)})" for name in self.names)
@@ -231,7 +232,8 @@ class FitResult(Summarized):
             return "no residual degrees of freedom: set error_std"
         size = f"{100.0 * self.error_std:.3g} %" if self.data.errors == "relative" else f"{self.error_std:.3g}"
         origin = "estimated from residuals" if self.error_std_estimated else "specified"
-        return f"error standard deviation at weight 1: {size}, {origin}"
+        intervals = f"{100.0 * self.confidence_level:g} % intervals from {self.uncertainty_source}"
+        return f"error standard deviation at weight 1: {size}, {origin}\n  {intervals}"
 
     def plot(self, ax: "Axes | None" = None, **style: Any) -> "Axes":
         """Draw measured values, fitted values and those at the start.

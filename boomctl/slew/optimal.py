@@ -201,7 +201,7 @@ def optimal_slew(
         The terminal axial motion is not constrained, but is included in ``terminal_error``.
     intervals : int or None
         Number of intervals of the mesh. If None, the mesh is refined until halving its intervals changes the cost by
-        less than 1e-4, relative.
+        less than 1e-4, relative, or it has 800 intervals; the certificate states the change.
     time_limit : float
         Time limit of the optimization [s], without verification. If it is exceeded, the slew on the finest mesh so far
         is returned, if its verification succeeds.

@@ -15,6 +15,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.lti.time_series import TimeSeries
 from boomctl.printing import Summarized, compact, count
+from boomctl.progress import Listener, computing, tell
 from boomctl.slew.end_map import end_map
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import LABELS, is_machine
@@ -266,7 +267,8 @@ class SlewResult(Summarized, TimeSeries):
             others.append((machine.with_model("foam"), None))
         others.append((machine.with_model("geometrically-exact", _EXACT_MODES), None))
         after, replays = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1), []
-        for other, mass in others:
+        for k, (other, mass) in enumerate(others):
+            tell(other.model, k, len(others))
             r = other.simulate(history, after, **_COARSE)
             energy = other.residual_energy(r.states[0], problem.final_speed) if is_machine(other) else None
             if energy is None and problem.final_speed == 0.0:
@@ -283,10 +285,17 @@ class SlewResult(Summarized, TimeSeries):
             )
         return tuple(replays)
 
-    def replay(self) -> tuple[Replay, ...]:
+    def replay(self, *, progress: Listener | None = None) -> tuple[Replay, ...]:
         """Simulate the torque on the other payloads of the plan, on the FOAM and on the geometrically exact beam.
 
-        For other beams use ``beam.simulate(slew)``, which returns the motion.
+        The geometrically exact beam takes most of the run time: seconds to minutes, longer for torques with many
+        intervals.  A further call returns the same records.  For other beams use ``beam.simulate(slew)``, which returns the
+        motion.
+
+        Parameters
+        ----------
+        progress : callable, optional
+            Called with a `Progress` at each model.
 
         Returns
         -------
@@ -303,7 +312,8 @@ class SlewResult(Summarized, TimeSeries):
         >>> round(float(heavier.hub_angle[-1]), 2)
         0.87
         """
-        return self._replays
+        with computing("replay", progress):
+            return self._replays
 
     @one_blas_thread
     def track(

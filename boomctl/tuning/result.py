@@ -127,7 +127,7 @@ class TuneResult(Summarized, Design):
             Certificate, active peaks, starts and stages.
         """
         c = self.certificate
-        lines = [f"controller of {system(self._controller)}", c.summary]
+        lines = [f"TuneResult: controller of {system(self._controller)}", c.summary]
         lines += [f"  {name} = {value:.6g}" for name, value in self.plant_parameters.items()]
         lines.append("norms:")
         lines += [f"  {repr(item).removeprefix('ChannelNorm: ')}" for item in c.channel_norms]

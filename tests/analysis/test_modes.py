@@ -77,6 +77,11 @@ def test_modes_of_free_chain_invariant_to_units(seed):
         assert max((row.output_participation[0] for row in rows[2:]), default=1.0) == 1.0  # among those that vibrate
 
 
+def test_modes_beside_an_undamped_one_are_relative_to_the_highest_finite_mode():
+    system = control.ss(np.diag([0.0, -2.0, -3.0]), [[1.0], [2.0], [0.3]], [[1.0, 1.0, 1.0]], 0.0)
+    assert [row.input_participation[0] for row in mode_table(system).rows] == pytest.approx([1.0, 1.0, 0.1])
+
+
 @pytest.mark.parametrize("seed", [0, 1, 271])
 def test_integrators_in_dense_coordinates_are_poles_at_zero(seed):
     """Chains of two or three integrators beside single ones and fast modes; rounding moves the eigenvalues of such chains."""

@@ -62,7 +62,10 @@ def band(**changed):
 EXACT = rig(RIG).frequency_response(OMEGA)
 BOTH = MeasuredFrequencyResponse(OMEGA / (2 * np.pi), bc.sigma(bc.spray_boom(), OMEGA).sigma, ("upper", "lower"))
 REFUSED = r"""
-fit(model=lambda p: [1.0]) -> at least 3 eigenfrequencies, got 1
+fit(model=lambda p: [1.0]) -> data: 3 frequencies, but the model has only 1
+fit(model=lambda p: three_masses(0.01), data=[1.0, 2.0, 3.0, 4.0]) -> data: 4 frequencies, but the model has only 3
+fit(model=lambda p: three_masses(0.01), modes=[1, 2, 4]) -> modes: mode 4, but the model has only 3
+fit(free=["k1"], initial={"k1": 900.0}) -> model: parameter 'm1' is missing; add it to `initial`
 fit(model=lambda p: [-1.0, 2.0, 3.0]) -> model: expected eigenfrequencies above zero, got -1
 fit(data=[]) -> data: expected at least one
 fit(data=[0.5, 0.3]) -> must be in ascending order, got
@@ -71,7 +74,7 @@ fit(data=[EXACT, frequencies(CHAIN)]) -> `data` must be data sets of one kind, s
 fit(inputs="force") -> eigenfrequencies have no signals
 fit(free=[]) -> free: expected at least one
 fit(free=None) -> free = None
-fit(free=["k9"]) -> unknown free parameter 'k9'; did you mean
+fit(free=["k9"]) -> unknown free parameter 'k9'; did you mean .*\(`initial` has: m1, m2
 fit(free=["k1", "k1"]) -> 'k1' is given twice
 fit(free={"k1": (3.0, 1.0)}) -> range of k1
 fit(free={"k1": (1.0, 2.0)}) -> `initial` of k1 must be in its range, 1 to 2, got 900
@@ -107,6 +110,8 @@ fast() -> sample_time = 0.02: expected resonances well below half .* got one at 
 fit(error_std=0.01).family() -> model: expected a function that makes a SecondOrderModel .* makes ndarray
 replace(rig_fit(), model=None).family() -> model = None: expected a function
 fit(data=frequencies(CHAIN)[:2]).family()
+    -> family: expected .* got k1 from 0 to inf; with dof = 0, set error_std
+fit(model=lambda p: [p["k1"] / p["k2"]], data=[1.0], free=["k1", "k2"], error_std=0.01).family()
     -> family: expected parameters that the measurements bound, got k1 from 0 to inf
 band(data=[1.0, 2.0]) -> data: expected a complex frequency response, got eigenfrequencies
 band(data=EXACT, model=EXACT) -> model: expected one that leaves something .* from volt to motor

@@ -314,6 +314,9 @@ def test_fit_without_redundancy_has_no_intervals():
     assert set(open_ends.intervals.values()) == {(0.0, np.inf)}
     assert np.isnan(open_ends.error_std)
     assert "set error_std" in str(open_ends)
+    assert "not determined" not in str(open_ends)
+    assert "95 % intervals" not in str(open_ends)
+    assert open_ends.interval_text("k1") == "no interval"
     known = bc.fit(frequencies, measured, ["k1", "k2"], CHAIN, n_starts=1, error_std=0.01)
     assert np.isfinite(list(known.intervals.values())).all()
     for name in ("k1", "k2"):

@@ -255,7 +255,12 @@ def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
 @pytest.mark.slow
 def test_a_replay_is_asked_for_by_a_method_and_kept():
     slew = bc.optimal_slew(bc.hub_beam(modes=1), 1.0, 200.0, "effort", 4.0, intervals=20)
-    found = slew.replay()
+    heard = []
+    found = slew.replay(progress=heard.append)
+    assert {(item.task, item.completed) for item in heard if item.stage in ("foam", "geometrically-exact")} == {
+        ("replay", 0),
+        ("replay", 1),
+    }
     assert [each.model for each in found] == ["foam", "geometrically-exact"]
     assert slew.replay() is found
 

@@ -143,6 +143,7 @@ def two_by_two():
 def test_a_structure_gives_the_controller_that_its_numbers_say(name):
     """The response is put together anew from the values, part by part."""
     found = bc.tune(two_by_two(), 2, 2, STRUCTURES[name], n_starts=1, time_limit=20.0)
+    assert str(found).startswith("TuneResult: controller of ")
     v, K = found.values, found.controller
 
     def matrix(word, end=""):

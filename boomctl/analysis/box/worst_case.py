@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cache
-from math import inf
+from math import inf, isnan
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -34,7 +34,7 @@ _CELLS = 60_000  # Largest number of cells at one level: about ten seconds.
 _LARGEST = 1.0  # Largest tolerance.
 _LOOSER = 10.0  # Factor on the tolerance when the cell budget is exhausted.
 _LOOSENED = 2  # Largest number of such increases.
-_LOST = "the loop is unstable there, or undamped"
+_LOST = "loop unstable or undamped"
 _CHECKED = 8  # Random points of the box at which a bound is checked.
 _SAME = 1e-6  # Relative difference of certified norms by two methods that count as equal.
 
@@ -95,8 +95,10 @@ class WorstCase:
             A sentence.
         """
         where = f"at {listed_values(self.worst_values)}"
-        if self.worst_norm.kind == "hinf":
+        if not isnan(self.worst_norm.peak_omega):
             where += f" and {self.worst_norm.peak_omega:.4g} rad/s"
+        if self.lower_bound == inf:
+            return f"{_LOST} {where}{self.message.removeprefix(_LOST)}"
         middle = f"at the midpoint {self.nominal.lower_bound:.5g}"
         proved = f"at most {from_on(self.upper_bound)} over the box, proved in {count(self.cells, 'cell')}"
         bound = proved if self.upper_bound < inf else f"no bound proved ({self.message})"
@@ -213,12 +215,12 @@ def worst_case(
         delta, _, nfev = pattern_search(peak, family.nparameters)
         middle = np.zeros(family.nparameters)
         nominal, bound, proof = at(middle), inf, BoxProof(False)
-        if norm == "h2":
+        if at(delta).lower_bound == inf:
+            reason = _LOST
+        elif norm == "h2":
             reason = "no proofs for H2 norms"
         elif wanted is None:
             reason = "not requested"
-        elif at(delta).lower_bound == inf:
-            reason = _LOST
         else:
             tell("loop over the box")
             level = _Level(at, delta, wanted)
