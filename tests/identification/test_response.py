@@ -197,7 +197,7 @@ def test_intersample_by_default_matches_record(intersample, quantity, top_hz):
     phase = np.angle(H.frdata[0, 0] / exact(H.omega), deg=True)
     assert np.median(np.abs(phase)) < 1.0
     wrong = {"bl": "zoh", "zoh": "bl"}[intersample]
-    with pytest.warns(UserWarning, match=f"intersample = '{wrong}': .* that of '{intersample}'"):
+    with pytest.warns(UserWarning, match=f"intersample = '{wrong}': .* indicates '{intersample}'"):
         bc.estimate_frequency_response(u, y, STEP, quantity=quantity, intersample=wrong, frequency_range_hz=(0.5, 8.0))
 
 
