@@ -115,7 +115,6 @@ fit(model=lambda p: [p["k1"] / p["k2"]], data=[1.0], free=["k1", "k2"], error_st
     -> family: expected parameters that the measurements bound, got k1 from 0 to inf
 band(data=[1.0, 2.0]) -> data: expected a complex frequency response, got eigenfrequencies
 band(data=EXACT, model=EXACT) -> model: expected one that leaves something .* from volt to motor
-bc.read_frequency_response("none/shaker.uff") -> OSError: shaker\.uff
 """
 
 

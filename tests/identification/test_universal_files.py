@@ -153,3 +153,8 @@ def test_binary_universal_file_is_the_text_one(tmp_path):
     curve = bc.read_frequency_response(path)
     assert curve.frequency_hz.tolist() == freq.tolist()
     assert curve.frdata.ravel().tolist() == values.tolist()
+
+
+def test_universal_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(OSError, match=r"shaker\.uff"):
+        bc.read_frequency_response(tmp_path / "shaker.uff")

@@ -28,6 +28,7 @@ from boomctl.lab.benchmark.scene import Scene, Setting
 _CHANGES = 1e-9, 1e-6  # least and largest relative change of a parameter: new to every cache, the same problem
 _GOLDEN = (sqrt(5.0) - 1.0) / 2.0  # its multiples modulo one are all different and spread evenly
 _MOST_CALLS = 200  # hot calls in a process: the median of so many lies within a few per cent
+_ONCE = 3.0  # s of a later call, above which one process is enough: what disturbs it is a small part of it
 _LONG_CALL = 20.0  # s of a first call that is also the later one: what only a first call does is a small part of it
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _KIBIBYTE = 1024.0  # bytes: unit of the resident memory that Linux reports
@@ -51,8 +52,8 @@ def measured(key: str, location: str, *, quick: bool, time_limit: float, progres
     place : str
         What makes it, "module:function".
     quick : bool
-        One process for each of a third of the settings; otherwise three for each of all, in turn, so that a machine that
-        is slow for a while is slow for every method.
+        One process for each of a third of the settings; otherwise three for each of all whose calls are short, in turn,
+        so that a machine that is slow for a while is slow for every method.
     time_limit : float
         Of one process [s]; a longer one is ended, and the setting has failed.
     progress : callable
@@ -71,7 +72,7 @@ def measured(key: str, location: str, *, quick: bool, time_limit: float, progres
             progress(f"{key}: {setting.method}, {setting.label}")
             if setting.missing:
                 runs[k] = [{"failed": setting.missing}]
-            elif not any("failed" in run for run in runs[k]):
+            elif not any("failed" in run or run["hot"][0][0] > _ONCE for run in runs[k]):
                 runs[k].append(_in_new_process(location, k, 0.1 if quick else 0.5, time_limit))
     progress(f"{key}: reference solution")
     problem = scene.problem()
