@@ -107,7 +107,9 @@ class FitCertificate:
         if self.is_minimum:
             offset = f"{self.distance_to_minimum:.2g} standard errors"
             parts = [
-                f"minimum certified to {offset}" if self.certified else f"minimum found to {offset}, not certified"
+                f"minimum certified, at most {offset} away"
+                if self.certified
+                else f"minimum not certified, {offset} away"
             ]
         parts.append(f"reached from {self.n_agreeing_starts} of {count(self.n_starts, 'start')}")
         if self.alternatives:

@@ -343,8 +343,8 @@ def identify(
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
         Samples, one row per sample; several records as a list. Inputs must be measured. For a free decay, pass an
         impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or
-        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; results of
-        `estimate_frequency_response`: their record is fitted in their band and validated in full.
+        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; for a result
+        of `estimate_frequency_response`, its record is fitted in its band, without separate validation data.
     sample_time : float
         Time between samples [s].
     modes : int, optional
@@ -392,16 +392,16 @@ def identify(
     Guillaume & Leuridan 2004), and minimizes the squared errors in the frequency domain over the poles, with residues
     and initial conditions eliminated (variable projection, Golub & Pereyra 1973).  A mode is retained if the record
     determines its damping ratio within a factor of 2 and its frequency within half the half-power bandwidth, ``zeta f``,
-    both at 95 % confidence.  Candidates from the residuals, single or in pairs, must pass the same test in a
-    separate band; close to another mode they must also lower the error on omitted blocks (cross-validation).
+    both at 95 % confidence.  Candidates from the residuals, single or in pairs, must pass this test in a fit to a
+    narrow band around them; close to another mode they must also lower the error on omitted blocks (cross-validation).
     Integrators, up to two real poles, and pairs of poles outside the band are added only if this error falls.
 
     The fit on the validation data is computed by simulation of the exported system with the inputs alone, from
     one initial state.  Then the model is fitted to the full record.
 
-    Intervals of the mean come from omitting blocks of the record with equal information (jackknife), so that they also hold
-    for colored errors.  Prediction intervals come from four long parts of the record in the same way, or from each of several
-    records: they include changes of the structure with time and level.
+    Confidence intervals come from a jackknife over blocks with equal information, so that they also hold for colored
+    errors.  Prediction intervals come from a jackknife over four long parts of the record or over several records: they
+    include changes of the structure with time and level.
 
     Examples
     --------
@@ -550,8 +550,8 @@ def _of_record(record: Record, ends_hz: tuple[float, float], back: float, rigid:
         else:
             parts = record.part(end=1.0 - back), record.part(begin=1.0 - back)
         data, tested = (Spectra.of_record(part, low, high) for part in parts)
-        end = f"validated by simulation of {held}, then fitted to all of it"
-    source = f"intervals from {BLOCKS} blocks of the record, {end}"
+        end = f"model validated by simulation of {held}, then refitted to the full record"
+    source = f"intervals from {BLOCKS} blocks; {end}"
     return _Trial(data, tested, every, record.inputs, record.outputs, record.quantity, ends_hz, rigid, source)
 
 

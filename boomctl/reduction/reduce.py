@@ -72,11 +72,14 @@ def reduce(
         Number of states, retained states included.  The result has fewer, with a warning, if the other Hankel
         singular values are at rounding level, or "modal" would separate a pair of poles.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
-        Balanced truncation (exact at infinite frequency), singular perturbation (exact at zero frequency), optimal
-        Hankel norm approximation (the Hankel norm of the error is the smallest of that order, its H-infinity norm is
-        not), modal truncation (dominant modes) with static correction for the others; and for a structure, dominant
-        undamped modes with static correction for the others, which returns a structure (of even order,
-        without an a priori bound: ``inf``).
+        Method of reduction:
+
+        - "balanced": balanced truncation, exact at infinite frequency;
+        - "singular-perturbation": exact at zero frequency;
+        - "hankel": smallest Hankel norm (not H-infinity norm) of the error at that order;
+        - "modal": dominant modes, with static correction for the others;
+        - "second-order": dominant undamped modes of a structure, with static correction for the others; returns a
+          structure of even order, without an a priori bound (``inf``).
     max_error : float, optional
         Instead of ``order``: largest absolute verified error; the lowest such order is selected.  If there is none, the
         system itself is returned, with an error of zero.

@@ -130,7 +130,9 @@ class ReductionResult:
         retained = f", {self.retained_order} unstable or rigid-body states kept" if self.retained_order else ""
         within = "" if self.omega_range is None else " from {:.6g} to {:.6g} rad/s".format(*self.omega_range)
         everywhere = within and " at all frequencies"
-        error = f"error {self.error_norm:.6g}{within}, verified; bound {self.error_bound:.6g}{everywhere}"
+        error = (
+            f"error at most {self.error_norm:.6g}{within}, verified; a priori bound {self.error_bound:.6g}{everywhere}"
+        )
         requested = "" if self.requested_order in (None, self.order) else f" ({self.requested_order} requested)"
         states = f"{self.order} of {self.full_order} states{requested}"
         return f"ReductionResult: {states}, {self.method}: {ends}\n  {error}{retained}"

@@ -93,8 +93,8 @@ def simulate_loop(
         A model of more than 60 coordinates is truncated to its lowest 60 modes, with static correction.  A hub-beam has the
         inputs ``torque``, ``disturbance_torque`` (both on the hub) and ``tip_force`` (normal to the undeformed beam, in the
         frame of the hub), and the outputs ``hub_angle``, ``hub_speed``, ``tip_displacement``, ``root_moment``,
-        ``tip_acceleration`` (absolute, normal to the undeformed beam), its ``sensors``, and the states that the controller
-        reads by name, as a controller of :func:`boomctl.lqr` does.
+        ``tip_acceleration`` (absolute, normal to the undeformed beam), its ``sensors``, and each state named among the
+        controller's inputs, as for :func:`boomctl.lqr`.
     controller : control.StateSpace, TransferFunction, a design, ScheduledController, TimeVaryingController or None
         ``u = K y``: its inputs are named as outputs of the plant, its outputs as inputs of the plant.  A discrete controller
         must have the time step ``sample_time``; a continuous controller is discretized.  A scheduled controller

@@ -129,11 +129,11 @@ class SlewCertificate:
 
     @property
     def _errors(self) -> str:
-        """Error of the prescribed coordinates, then that of the axial motion."""
+        """Error of the prescribed coordinates, and with the axial motion."""
         text = f"terminal error {self.prescribed_terminal_error:.1e}"
         if not self.free_terminal_errors:
             return text
-        return f"{text} (unconstrained axial motion {max(self.free_terminal_errors.values()):.1e})"
+        return f"{text} without, {self.terminal_error:.1e} with axial motion (not constrained)"
 
     @property
     def summary(self) -> str:
@@ -227,7 +227,7 @@ class SlewResult(Summarized, TimeSeries):
             tip = f", tip up to {abs(self.tip_displacement).max():.4g} {self._labels['tip'][1]}".rstrip()
         if isfinite(self.small_deformation_until):
             tip += f", small-deformation model invalid after {self.small_deformation_until:.4g} s"
-        residual = f", residual {self.residual_energy:.1e} J" if self.residual_energy is not None else ""
+        residual = f", residual energy {self.residual_energy:.1e} J" if self.residual_energy is not None else ""
         name, unit = self._labels["torque"]
         torque = f"{name} up to {f'{self.torque_profile.peak:.6g} {unit}'.rstrip()}{tip}"
         return (

@@ -245,7 +245,7 @@ def _summary(c: DesignCertificate, top: ChannelNorm, search: Search, edges: list
     else:
         said.append(f"no lower bound: {c.lower_bound_source.removeprefix('none: ')}")
     same = sum(isfinite(s.objective) and abs(s.objective / exp(search.value) - 1.0) < _ACTIVE for s in search.starts)
-    said.append(f"stationarity {c.stationarity:.2g} over {counted(len(c.active_peaks), 'peak')}")
+    said.append(f"first-order optimality {c.stationarity:.2g} at {counted(len(c.active_peaks), 'active peak')}")
     said.append(f"reached from {same} of {counted(len(search.starts), 'start')}")
     if c.worst_case is not None:
         said.append(f"largest norm found over the family {c.worst_case.value:.6g} ({c.worst_case.model})")

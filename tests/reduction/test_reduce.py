@@ -118,7 +118,7 @@ def test_repr_with_omega_range_names_range_and_unit():
     plain, ranged = (bc.reduce(full, 1, omega_range=limits) for limits in (None, (20.0, 62.5)))
     assert ranged.omega_range == (20.0, 62.5)
     assert "rad/s" not in repr(plain)
-    bounds = f"error {ranged.error_norm:.6g} from 20 to 62.5 rad/s, verified; bound {ranged.error_bound:.6g}"
+    bounds = f"error at most {ranged.error_norm:.6g} from 20 to 62.5 rad/s, verified; a priori bound {ranged.error_bound:.6g}"
     assert f"{bounds} at all frequencies" in repr(ranged)
     everywhere = gap(full, ranged.system, np.geomspace(1e-3, 1e4, 2000)).max()
     assert ranged.error_norm < 0.9 * everywhere < 0.9 * ranged.error_bound

@@ -127,8 +127,8 @@ def h_infinity(
     """Design a controller ``u = K y`` whose closed loop has an H-infinity norm near the lowest possible one.
 
     The assumptions are checked first. The level gamma is found by bisection. The controller is verified: the closed
-    loop is stable, and its norm is at most 1.01 times the level. The limit on the controller's poles
-    overrides ``rtol``; the certificate reports it.
+    loop is stable, and its norm is at most 1.01 times the level. If the limit on the controller's poles
+    prevents ``rtol``, the certificate reports it.
 
     Parameters
     ----------
@@ -147,8 +147,8 @@ def h_infinity(
         Relative gap between the norm and the lower bound at which the bisection stops.
     fastest_pole : float, optional
         Largest magnitude of the controller's poles [rad/s]. If None, 1,000 times the fastest pole of the plant and
-        of its H2-optimal state feedback and filter; dropped, and reported, if the norm would exceed
-        twice the lower bound. Not for a discrete plant.
+        of its H2-optimal state feedback and filter; this limit is dropped if the norm would exceed
+        twice the lower bound, as the certificate then states. Not for a discrete plant.
     time_limit : float, default: 60
         Time limit [s].
     progress : callable, optional

@@ -299,7 +299,8 @@ def beam_loop() -> Scene:
         return loop_of(beam(change, modes), _TIME).restarted("RK45", 1e-6)
 
     cases = [(rtol, _BEAM_MODES) for rtol in (1e-2, 1e-4, 1e-6, 1e-8, 1e-10)]
-    call = f"bc.simulate_loop(beam, controller, time, sample_time={_DT:g}, control_limit={_TORQUE:g}, rtol={{:g}})"
+    options = f"sample_time={_DT:g}, control_limit={_TORQUE:g}, reference=reference, rtol={{:g}}"
+    call = f"bc.simulate_loop(beam, controller, time, None, {options})"
     return Scene(
         title=f"Sampled angle control of the hub-beam with a torque limit, {_END:g} s at 1 kHz",
         question=f"From the beam's parameters, SFOAM, {_BEAM_MODES} modes, to the tip's displacement.",

@@ -23,6 +23,7 @@ from boomctl.slew.torque import TorqueProfile, held
 
 _ANGLE, _LIMIT, _NMODES = np.pi / 2, 200.0, 3  # rad, N m: a quarter turn; of SFOAM
 _DURATION, _GUESS = 3.0, 3.5  # s: of the slew of least effort (the least time is 2.91 s); from which others begin
+_OURS: dict[str, Any] = {"verified": True, "ours": True}
 _COUNTS = (1, 2, 4)  # modes at which run times are compared
 _EQUAL = 1e-11  # Rounding error of the references, below which errors count as equal.
 # IPOPT's options: silent, and solved until the objective no longer limits what errors are compared
@@ -148,7 +149,6 @@ def slew_time() -> Scene:
         return optimal_slew(slew_of(change, modes).beam, _ANGLE, _LIMIT, rtol=rtol).torque_profile
 
     cases, sizes = [(rtol, _NMODES) for rtol in (1e-3, 1e-6, 1e-9)], [(1e-3, modes) for modes in _COUNTS]
-    kind: dict[str, Any] = {"verified": True, "ours": True}
     call = f"bc.optimal_slew(beam, {_ANGLE:.5g}, {_LIMIT:g}, rtol={{:g}})"
 
     return _scene(
@@ -157,8 +157,8 @@ def slew_time() -> Scene:
         "switching times, found from Opti's by extrapolated motions",
         lambda problem: least_time(slew_of(duration=_GUESS), 200),
         (
-            *settings("optimal_slew", "rtol {:.0e}", cases, ours, **kind, call=call),
-            *sized(settings("optimal_slew", "{1} modes", sizes, ours, **kind)),
+            *settings("optimal_slew", "rtol {:.0e}", cases, ours, **_OURS, call=call),
+            *sized(settings("optimal_slew", "{1} modes", sizes, ours, **_OURS)),
         ),
         "Ours replays the torque by another integrator; torques held on a mesh take a little longer.",
     )
@@ -172,7 +172,6 @@ def slew_effort() -> Scene:
         return optimal_slew(beam, _ANGLE, _LIMIT, "effort", _DURATION, intervals=intervals).torque_profile
 
     cases, sizes = [(n, _NMODES) for n in (30, 55, 110, 220, 420)], [(110, modes) for modes in _COUNTS]
-    kind: dict[str, Any] = {"verified": True, "ours": True}
     call = f'bc.optimal_slew(beam, {_ANGLE:.5g}, {_LIMIT:g}, "effort", {_DURATION:g}, intervals={{}})'
 
     return _scene(
@@ -181,8 +180,8 @@ def slew_effort() -> Scene:
         "any torque, extrapolated from Opti's on fine meshes",
         lambda problem: least_effort(slew_of(), 400),
         (
-            *settings("optimal_slew", "{} intervals", cases, ours, **kind, call=call),
-            *sized(settings("optimal_slew", "{1} modes", sizes, ours, **kind)),
+            *settings("optimal_slew", "{} intervals", cases, ours, **_OURS, call=call),
+            *sized(settings("optimal_slew", "{1} modes", sizes, ours, **_OURS)),
         ),
         "On one mesh all efforts are alike; ours is replayed by another integrator.",
     )

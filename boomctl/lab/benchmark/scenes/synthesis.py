@@ -37,6 +37,7 @@ _BEST = 1.2092993  # least level of this plant, as someone who knows it would te
 _PLANTS = Path(__file__).parents[1] / "plants.toml"
 _STARTS = 20  # of the search whose norms are the reference of tuning
 _MOST_GAIN = 1e3  # entry of a gain
+_OURS: dict[str, Any] = {"verified": True, "ours": True}
 _STATES = (8, 16, 32)  # states of the suspension's plant at which run times are compared
 
 
@@ -110,20 +111,12 @@ def h_infinity_scene() -> Scene:
         reference=lambda P: h_infinity(P, 2, 2, rtol=_REFERENCE, fastest_pole=_FASTEST).certificate.lower_bound,
         error=excess,
         methods=(
-            *settings(
-                "h_infinity",
-                "rtol {:g}",
-                cases,
-                ours,
-                verified=True,
-                ours=True,
-                call="bc.h_infinity(P, 2, 2, rtol={:g})",
-            ),
+            *settings("h_infinity", "rtol {:g}", cases, ours, **_OURS, call="bc.h_infinity(P, 2, 2, rtol={:g})"),
             *settings("control.hinfsyn", "defaults", [()], hinfsyn, modules=("slycot",)),
             *settings("slycot sb10ad, bisection", "gtol {2:.0e}", searched, slycot, modules=("slycot",)),
             *settings("slycot sb10ad, given the level", "{2:.2%} above the best", levels, slycot, modules=("slycot",)),
             *sized(
-                settings("h_infinity", "{} states", _STATES, sized_ours, verified=True, ours=True),
+                settings("h_infinity", "{} states", _STATES, sized_ours, **_OURS),
                 settings("slycot sb10ad, bisection", "{} states", _STATES, sized_slycot, modules=("slycot",)),
             ),
         ),
@@ -170,6 +163,7 @@ def tuning() -> Scene:
     def norms(plants: dict[str, Any], gains: dict[str, Any]) -> Array:
         return np.array([hinf_norm(lft(P, gains[name])).upper_bound for name, (P, *_) in plants.items()])
 
+    call = "bc.tune(P, ny, nu, bc.tunable.gain(), n_starts={})"
     return Scene(
         title="Norm-optimal static gain, of two plants in turn",
         question="From two published plants (COMPleib 1.1, HE1 and REA2) to a gain for each.",
@@ -178,18 +172,10 @@ def tuning() -> Scene:
         reference=lambda plants: norms(plants, ours(_STARTS, plants, 0.0, seed=1)),
         error=lambda plants, best, gains: max(float((norms(plants, gains) / best).max()) - 1.0, ROOT),
         methods=(
-            *settings(
-                "tune",
-                "{} starts",
-                (1, 2, 5, 10),
-                ours,
-                verified=True,
-                ours=True,
-                call="bc.tune(P, ny, nu, bc.tunable.gain(), n_starts={})",
-            ),
+            *settings("tune", "{} starts", (1, 2, 5, 10), ours, **_OURS, call=call),
             *settings("linfnorm, Nelder-Mead", "{} starts", (1, 2, 5, 10), theirs, modules=("slycot",)),
             *sized(
-                settings("tune", "{} states", _STATES, sized_ours, verified=True, ours=True),
+                settings("tune", "{} states", _STATES, sized_ours, **_OURS),
                 settings("linfnorm, Nelder-Mead", "{} states", _STATES, sized_theirs, modules=("slycot",)),
             ),
         ),
