@@ -22,7 +22,7 @@ from boomctl.studies import MachineDesign
 from boomctl.studies.machine import MachineResult
 
 SPEEDS, MASSES = np.linspace(0.0, 6.0, 7), (0.0, 0.1)  # rad/s, kg
-SENSORS = {"hub_angle": 1e-5, "hub_speed": 1e-4, "root_moment": 0.1}  # and the noise intensities of the LQG design
+SENSORS = {"hub_angle": 1e-5, "hub_speed": 1e-4, "root_moment": 0.1}  # measurements, with noise intensities of the LQG
 NOISE = {"hub_angle": 1e-5, "hub_speed": 1e-3, "root_moment": 0.05}  # standard deviation of a sample: rad, rad/s, N m
 SPEED, DURATION, FASTER = 5.0, 15.0, 3.0  # rad/s, s; rate of the second spin-up relative to the first
 STEP, LIMIT = 0.01, 200.0  # s, N m
