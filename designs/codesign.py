@@ -1,9 +1,10 @@
-"""Dampers and controllers at once, over a box of springs and boom masses: cradle with jolt, hinge with yaw.
+"""Co-design of dampers and controllers over a box of spring stiffness and boom mass.
 
-What a damper does, no force has to: for the yaw a controller of two states is enough, for the jolt one of three.  The jolt
-decides on the spray: its H2 norm of tip and force is least while its peak keeps a limit at the middle and the corners of the
-box.  The yaw's peak is brought down there as far as the force may follow the platform and the loop at the control keeps its
-distance, as in `tuned_suspension`.
+The cradle damper is tuned together with the jolt controller, the hinge damper together with the yaw controller.  With tuned
+dampers, controllers of low order are sufficient: three states for the jolt, two for the yaw.  The jolt determines the spray
+distribution: the H2 norm of tip displacement and force is minimized, with a constraint on the peak gain at the center and the
+corners of the box.  For the yaw, the peaks from platform to tip, from platform to force and of the loop at the control are
+minimized at the same points, as in `tuned_suspension`.
 """
 
 from collections.abc import Callable, Mapping
@@ -20,24 +21,26 @@ from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspe
 from boomctl.tuning import TuneResult
 
 TABLE_2 = bc.BoomParameters()
-SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # of Table 2, over which is tuned
-POINTS = ((1.0, 1.0), *product(SPRING, MASS))  # middle and corners
+SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # ranges of the factors on the values of Table 2
+POINTS = ((1.0, 1.0), *product(SPRING, MASS))  # center and corners of the box
 MEASURED = ("stroke", "tip_acceleration")
 DAMPER = {"sym": ("cradle_damping", 20.0, 1000.0), "anti": ("hinge_damping", 2.0, 2000.0)}  # [N s/m], [N m s/rad]
 ORDER = {"sym": 3, "anti": 2}
 FASTEST = {"sym": 50.0, "anti": 30.0}  # largest magnitude of a controller's poles [rad/s]
-SECONDS = 600.0  # far above what is taken: the starts decide, not the clock
-LIMIT = 7.7  # of the jolt's peak at the points, tip over platform; the yaw's static gain is 6.74 already (a choice)
-CORNERS = 0.7  # what disturbances at the corners count for the H2 norm, of those in the middle
-NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
-PEAK, FORCE, LOOP = 9.3, 1800.0, 2.0  # of the yaw: tip and force [N/m] over platform, force over force: sizes alike
-DECAY = 0.02  # slowest decay of the yaw [1/s]; an integrator would do as well, and never settle
+SECONDS = 600.0  # time limit; not reached, so that the result does not depend on the run time
+LIMIT = 7.7  # on the peak gain of the jolt, platform to tip, at each point; the static gain of the yaw is 6.74
+CORNERS = 0.7  # weight of the corners in the H2 norm, relative to the center
+# noise of the jolt; its disturbances are 0.03 m at the platform and 7.5 N at the control
+NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}
+# channel scales of the yaw: platform to tip, platform to force [N/m], force to force
+PEAK, FORCE, LOOP = 9.3, 1800.0, 2.0
+DECAY = 0.02  # minimum decay rate of the yaw [1/s]; excludes poles near zero, which do not settle
 
 
 def half(side: str, values: Mapping[str, float], point: tuple[float, float]) -> control.StateSpace:
-    """Return half of the boom with a damper, at a point of the box, over the same coordinates at all of them.
+    """Return a subsystem of the boom with a damper, at a point of the box, in the same coordinates at all points.
 
-    The platform's motion is there once more, as ``platform``: what the limit is for is not filtered.
+    The platform motion has a second, unfiltered input ``platform``, on which the peak constraint is defined.
     """
     machine = scaled_boom(replace(TABLE_2, **values), *point)
     found = bc.split_symmetric(suspension_model(machine, elements=6))[side == "anti"]
@@ -48,7 +51,7 @@ def half(side: str, values: Mapping[str, float], point: tuple[float, float]) -> 
 
 
 def plant(side: str, point: tuple[float, float], **signals: Any) -> Callable[[Mapping[str, float]], control.StateSpace]:
-    """Return the function from a damper to the generalized plant of a half at a point."""
+    """Return a function that maps a damper to the generalized plant of a subsystem at a point."""
     chosen: dict[str, Any] = {
         "measurements": [f"{stem}_{side}" for stem in MEASURED],
         "controls": [f"suspension_{side}"],
@@ -57,7 +60,7 @@ def plant(side: str, point: tuple[float, float], **signals: Any) -> Callable[[Ma
 
 
 def jolt_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], control.StateSpace]:
-    """Return the jolt with its weights; the force costs more above 15 rad/s."""
+    """Return the weighted jolt plant; the effort weight increases around 15 rad/s."""
     share = 1.0 if point == POINTS[0] else CORNERS
     return plant(
         "sym",
@@ -70,7 +73,7 @@ def jolt_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], co
 
 
 def yaw_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], control.StateSpace]:
-    """Return the yaw in such units that its three channels come out alike."""
+    """Return the yaw plant, scaled so that its three channels have similar norms."""
     return plant(
         "anti",
         point,
@@ -81,7 +84,7 @@ def yaw_plant(point: tuple[float, float]) -> Callable[[Mapping[str, float]], con
 
 
 def tuned_jolt(limit: float = LIMIT) -> TuneResult:
-    """Return the cradle's damper and the jolt's controller: the H2 norm, the largest of the points, and a limited peak."""
+    """Tune cradle damper and jolt controller: minimize the largest H2 norm over the points, with limited peak gain."""
     weighed = ["w_actuator_sym", "w_suspension_sym", *(f"n_{stem}_sym" for stem in MEASURED)]
     peak = bc.tunable.constraint("w_platform", "z_tip_sym", 15.0 * limit)
     return tuned("sym", jolt_plant, [bc.tunable.objective(weighed, norm="h2"), peak], n_starts=1)
@@ -89,21 +92,21 @@ def tuned_jolt(limit: float = LIMIT) -> TuneResult:
 
 @cache
 def tuned_yaw() -> TuneResult:
-    """Return the hinge's damper and the yaw's controller: peaks from platform to tip and force, and round the control."""
+    """Tune hinge damper and yaw controller: minimize the peaks from platform to tip and force, and at the control."""
     ends = [("platform", "tip_anti"), ("platform", "suspension_anti"), ("suspension_anti", "suspension_anti")]
     channels = [bc.tunable.objective(f"w_{start}", f"z_{end}") for start, end in ends]
     return tuned("anti", yaw_plant, channels, n_starts=1, min_decay_rate=DECAY)
 
 
 def tuned(side: str, plant_at: Callable, channels: list, **options: Any) -> TuneResult:
-    """Return the damper and a strictly proper controller of a half."""
+    """Tune the damper and a strictly proper controller of a subsystem."""
     structure = bc.tunable.state_space(ORDER[side], strictly_proper=True) + bc.tunable.plant_parameter(*DAMPER[side])
     fixed: dict[str, Any] = {"channels": channels, "seed": 1, "fastest_pole": FASTEST[side], "time_limit": SECONDS}
     return bc.tune([plant_at(point) for point in POINTS], 2, 1, structure, **fixed, **options)
 
 
 def suspension(limit: float = LIMIT) -> SuspensionDesign:
-    """Return the machine with both dampers, and both halves' controllers joined into one of it."""
+    """Return the machine with both dampers and the joined controllers of jolt and yaw."""
     halves = {"jolt": tuned_jolt(limit), "yaw": tuned_yaw()}
     facts = {f"{name}: tuned": found.certificate.summary for name, found in halves.items()}
     facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
@@ -113,26 +116,26 @@ def suspension(limit: float = LIMIT) -> SuspensionDesign:
     parameters = replace(TABLE_2, **chosen)
     return SuspensionDesign(
         "codesign",
-        "Suspension with dampers and controllers tuned together",
+        "Co-design of suspension dampers and controllers",
         parameters=parameters,
         controller=bc.join_symmetric(suspension_model(parameters), *(found.controller for found in halves.values())),
         synthesis_info=facts,
         notes=(
-            f"The cradle's damper goes with a controller of {ORDER['sym']} states, the hinge's with one of {ORDER['anti']}.",
-            f"The hinge's damper is {parameters.hinge_damping / TABLE_2.hinge_damping:.0f} times that of Table 2: a part to"
-            " be added. With it the yaw is overdamped; springs up to the measured 0.34 Hz are those that bring the boom"
-            " there with the dampers of Table 2.",
+            f"The controller of the jolt has {ORDER['sym']} states, that of the yaw {ORDER['anti']}.",
+            f"The hinge damping is {parameters.hinge_damping / TABLE_2.hinge_damping:.0f} times that of Table 2 and requires"
+            " an additional damper. With it the yaw is overdamped; the stiffness range up to the measured 0.34 Hz is"
+            " therefore computed with the dampers of Table 2.",
         ),
     )
 
 
 def design() -> SuspensionDesign:
-    """Return the suspension that the folder is about."""
+    """Return the design with the default peak limit."""
     return suspension()
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

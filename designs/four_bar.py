@@ -1,8 +1,8 @@
-"""A closed kinematic chain: a four-bar linkage with a flexible coupler, closed in three ways.
+"""Four-bar linkage with a flexible coupler: a closed kinematic chain, modeled in three ways.
 
-The crank turns about A, the rocker about D; the coupler, a beam, is hinged to the crank at B.  The joint at C between
-coupler and rocker closes the chain.  It is cut and held closed (a) as a cut joint of the description, (b) by prescribing
-zero relative displacement where its two constraint forces act, (c) by Lagrange multipliers on the cut tree.
+The crank rotates about A, the rocker about D; the coupler, a beam, is hinged to the crank at B.  The joint at C between
+coupler and rocker closes the chain.  It is modeled (a) as a cut joint of the assembly, (b) by prescribing zero relative
+displacement at its two constraint forces, (c) by Lagrange multipliers on the open chain.
 """
 
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ OMEGA = np.linspace(1.0, 60.0, 40)
 
 @dataclass(frozen=True)
 class FourBar:
-    """Eigenfrequencies [Hz] of the linkage, and the largest relative differences between the three ways to close it."""
+    """Eigenfrequencies [Hz] of the linkage, and largest relative differences between the three models."""
 
     eigenfrequencies_hz: np.ndarray
     held_against_cut: float
@@ -41,7 +41,7 @@ class FourBar:
 
 
 def linkage(closed: bool) -> Assembly:
-    """Return the linkage, its chain closed by a cut joint or left open with the joint's constraint forces as inputs."""
+    """Return the linkage, closed by a cut joint, or open with the constraint forces of the joint as inputs."""
     crank = RigidBody("crank", GROUND.at(*A), revolute(), mass=1.0, inertia=0.03)
     coupler = Beam("coupler", crank.at(0, HEIGHT), revolute(), (0.0, HEIGHT), (COUPLER,), FiniteElements(8))
     rocker = RigidBody("rocker", GROUND.at(*D), revolute(), mass=1.0, inertia=0.03)
@@ -61,7 +61,7 @@ def linkage(closed: bool) -> Assembly:
 
 
 def by_multipliers(tree: SecondOrderModel, omega: np.ndarray) -> np.ndarray:
-    """Return the response to the torque with the joint closed by Lagrange multipliers, (outputs, frequencies)."""
+    """Return the frequency response to the torque, (outputs, frequencies), with Lagrange multipliers at the joint."""
     J, drive = tree.ports.B[0][:, 1:], tree.ports.B[0][:, 0]
     response = []
     for w in omega:
@@ -73,7 +73,7 @@ def by_multipliers(tree: SecondOrderModel, omega: np.ndarray) -> np.ndarray:
 
 
 def main() -> FourBar:
-    """Close the linkage in three ways and compare their responses to a torque on the crank."""
+    """Compare the frequency responses of the three models to a torque on the crank."""
     cut = linkage(closed=True).assemble()
     tree = linkage(closed=False).assemble()
     held = prescribe_displacement(tree, hold=["joint_x", "joint_y"])

@@ -1,7 +1,7 @@
-"""H-infinity suspension on the full plant: two platform actuators, two suspension actuators, two tips, four sensors.
+"""H-infinity suspension for the full plant: two platform actuators, two suspension actuators, two tips, four sensors.
 
-The same weights left and right; the synthesis does not know of the symmetry and finds it again but for a remainder, the
-share of the controller that leads from yaw to jolt and back. That is removed, and the loop is verified once more.
+The weights are the same on both sides. The synthesis does not impose symmetry; the controller has a small coupling between
+yaw and jolt. This coupling is removed, and the closed-loop norm is verified again.
 """
 
 from math import sqrt
@@ -19,14 +19,14 @@ from boomctl.studies.suspension import (
 ORDER, OMEGA_RANGE = 26, (0.0, 80.0)
 SIZES = {"actuator_{}": 0.03, "suspension_{}": 150.0, "tip_{}": 0.2, "stroke_{}": 0.05, "tip_{}_acceleration": 0.5}
 SCALES = {signal.format(side): size for signal, size in SIZES.items() for side in ("left", "right")}
-TRACK = 2.0  # corner of the platform's motion [rad/s]
+TRACK = 2.0  # corner frequency of the platform motion [rad/s]
 TIP, STROKE, EFFORT, FORCE_DISTURBANCE = 1.0, 2.0, 2.0, 0.05
 STROKE_NOISE, ACCELERATION_NOISE = 0.02, 3.0
-ROLL_OFF, FASTEST = 5.0, 300.0  # between which effort costs more and more [rad/s]
+ROLL_OFF, FASTEST = 5.0, 300.0  # frequency range in which the effort weight increases [rad/s]
 
 
 def design() -> SuspensionDesign:
-    """Return the controller of the whole machine."""
+    """Design the controller of the full boom."""
     model = suspension_model()
     reduced = bc.reduce(bc.scale_signals(model, SCALES), order=ORDER, omega_range=OMEGA_RANGE)
     track = bc.low_pass(1.0, TRACK)
@@ -55,16 +55,16 @@ def design() -> SuspensionDesign:
         synthesis_info={
             "verified gamma": synthesis.certificate.summary,
             "proved in ball arithmetic": bc.prove(synthesis).claim,
-            "made symmetric": f"{100 * mixed:.2g} % led from half to half; verified norm without it {norm.upper_bound:.6g}",
+            "coupling removed": f"{100 * mixed:.2g} % between jolt and yaw; verified norm without it {norm.upper_bound:.6g}",
             "reduction": f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s "
-            f"at most {100 * share:.2g} % of the peak",
+            f"at most {100 * share:.2g} % of the peak gain",
         },
         weights={"track": track, "effort": effort},
     )
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

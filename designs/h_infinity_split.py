@@ -1,8 +1,8 @@
-"""H-infinity suspension: separate controllers of the symmetric and the antisymmetric subsystem of the boom.
+"""H-infinity suspension: separate controllers for the symmetric and the antisymmetric subsystem of the boom.
 
-Each half has one disturbance (the platform's motion through a track filter), one control and two sensors. A force
-disturbance at the control keeps the design off solutions that live on a spring cancelled by feedback; the effort weight
-rises above a few rad/s, so that bending modes, which the uncertain mass moves about, are left alone.
+Each subsystem has one disturbance (platform motion with a shaping filter), one control and two sensors. A force disturbance
+at the control prevents controllers that cancel the spring stiffness. The effort weight increases above a few rad/s, so that
+the controller does not act on the bending modes, whose frequencies depend on the uncertain mass.
 """
 
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "ti
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of one half; signals are divided by SCALES."""
+    """Weights of one subsystem, for signals divided by SCALES."""
 
-    track: float  # corner of the platform's motion [rad/s]
+    track: float  # corner frequency of the platform motion [rad/s]
     tip: float
     stroke: float
     effort: float
-    roll_off: float  # from where on effort costs more and more [rad/s]
+    roll_off: float  # frequency above which the effort weight increases [rad/s]
     stroke_noise: float
     acceleration_noise: float = 3.0
     force_disturbance: float = 0.05
@@ -36,16 +36,16 @@ WEIGHTS = {
     "sym": Weights(track=1.0, tip=3.0, stroke=1.0, effort=1.0, roll_off=3.0, stroke_noise=0.2),
     "anti": Weights(track=2.0, tip=1.0, stroke=2.0, effort=2.0, roll_off=5.0, stroke_noise=0.02),
 }
-FASTEST = 300.0  # where the effort weight ends [rad/s]
+FASTEST = 300.0  # frequency above which the effort weight is constant again [rad/s]
 
 
 def effort_weight(w: Weights) -> control.StateSpace:
-    """Return the weight of the control: flat, then rising with the second power."""
+    """Return the effort weight: constant at low frequency, then increasing with the square of the frequency."""
     return bc.shelf(w.effort, w.effort * (FASTEST / w.roll_off) ** 2, sqrt(FASTEST * w.roll_off), order=2)
 
 
 def half_design(model, side):
-    """Design the controller of a subsystem; return the synthesis and the reduction of the plant."""
+    """Design the controller of a subsystem; return the synthesis result and the reduced plant."""
     w, scales = WEIGHTS[side], {f"{stem}_{side}": size for stem, size in SCALES.items()}
     push, tip, stroke, acceleration = (f"{stem}_{side}" for stem in ("suspension", "tip", *MEASURED))
     reduced = bc.reduce(bc.scale_signals(model, scales), order=ORDER[side], omega_range=OMEGA_RANGE)
@@ -63,7 +63,7 @@ def half_design(model, side):
 
 
 def design() -> SuspensionDesign:
-    """Return both halves' controllers joined into one of the machine."""
+    """Design both controllers and join them into one for the machine."""
     model = suspension_model()
     controllers, facts = {}, {}
     for side, half in zip(("sym", "anti"), bc.split_symmetric(model), strict=True):
@@ -74,7 +74,7 @@ def design() -> SuspensionDesign:
         facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).claim
         share = reduced.error_norm / bc.sigma(reduced.full_system).peak
         facts[f"{name}: reduction"] = (
-            f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of the half's peak"
+            f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of its peak gain"
         )
     return SuspensionDesign(
         "h_infinity_split",
@@ -86,7 +86,7 @@ def design() -> SuspensionDesign:
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

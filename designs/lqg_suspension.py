@@ -1,7 +1,7 @@
-"""LQG suspension: separate regulators of the two subsystems for small tip motion, with Kalman filters.
+"""LQG suspension: separate controllers for the symmetric and the antisymmetric subsystem of the boom.
 
-The filter knows the platform's motion as noise through a low pass, a force disturbance at the actuator, and the noise of
-stroke sensor and tip accelerometer.
+The regulator minimizes tip displacement, stroke and force. The Kalman filter models the platform motion as low-pass filtered
+white noise, a force disturbance at the actuator, and the noise of stroke sensor and tip accelerometer.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ SCALES = {"actuator": 0.03, "suspension": 150.0, "tip": 0.2, "stroke": 0.05, "ti
 
 @dataclass(frozen=True)
 class Weights:
-    """Weights of one half; signals are divided by SCALES."""
+    """Weights of one subsystem, for signals divided by SCALES."""
 
-    track: float  # corner of the platform's motion [rad/s]
+    track: float  # corner frequency of the platform motion [rad/s]
     tip: float
     stroke: float
     effort: float
@@ -33,7 +33,7 @@ WEIGHTS = {
 
 
 def half_design(model, side):
-    """Design the controller of a subsystem; return the synthesis and the reduction of the plant."""
+    """Design the controller of a subsystem; return the synthesis result and the reduced plant."""
     w, scales = WEIGHTS[side], {f"{stem}_{side}": size for stem, size in SCALES.items()}
     push, tip = f"suspension_{side}", f"tip_{side}"
     stroke, acceleration = f"stroke_{side}", f"tip_acceleration_{side}"
@@ -59,18 +59,18 @@ def half_design(model, side):
 
 
 def design() -> SuspensionDesign:
-    """Return both halves' controllers joined into one of the machine."""
+    """Design both controllers and join them into one for the machine."""
     model = suspension_model()
     controllers, facts = {}, {}
     for side, half in zip(("sym", "anti"), bc.split_symmetric(model), strict=True):
         synthesis, reduced = half_design(half, side)
         controllers[side] = synthesis.controller
         name = {"sym": "jolt", "anti": "yaw"}[side]
-        facts[f"{name}: least expected cost"] = f"{synthesis.cost:.4g}, of the loop and by the Riccati equations"
+        facts[f"{name}: minimum cost"] = f"{synthesis.cost:.4g}, from the closed loop and from the Riccati equations"
         facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).claim
         share = reduced.error_norm / bc.sigma(reduced.full_system).peak
         facts[f"{name}: reduction"] = (
-            f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of the half's peak"
+            f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of its peak gain"
         )
     return SuspensionDesign(
         "lqg_suspension",
@@ -81,7 +81,7 @@ def design() -> SuspensionDesign:
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

@@ -1,7 +1,7 @@
-"""LQR suspension: the state feedback of least tip displacement, tip velocity and force, if all states were measured.
+"""LQR suspension: state feedback that minimizes tip displacement, tip velocity and force, with all states measured.
 
-No sensor reads the states of a boom; this design tells what the others can be measured by. It lives on its own plant, a
-coarse finite element model that also puts out its states, over springs and masses as the other designs are judged.
+The states of the boom cannot be measured; this design is a reference for the others. Its plant is a coarse finite element
+model with state outputs, as a family over the same ranges of spring stiffness and boom mass as the other designs.
 """
 
 from collections.abc import Mapping
@@ -22,17 +22,17 @@ from boomctl.studies.suspension import (
 )
 
 ELEMENTS = 6
-TIP, TIP_SPEED, FORCE = 0.2, 0.2, 60.0  # what counts as one [m], [m/s], [N]
+TIP, TIP_SPEED, FORCE = 0.2, 0.2, 60.0  # values scaled to one [m], [m/s], [N]
 
 
 def boom(values: Mapping[str, float]) -> SecondOrderModel:
-    """Return the boom with other springs and another mass, nozzles among its outputs, without accelerometers."""
+    """Return the boom with scaled springs and mass, with nozzle outputs and without accelerometers."""
     model = suspension_model(scaled_boom(bc.BoomParameters(), **values), ELEMENTS, nozzles=True)
     return model.select(None, [name for name in model.output_labels if name not in ACCELERATIONS])
 
 
 def design() -> SuspensionDesign:
-    """Return the regulator and its plant."""
+    """Design the state feedback and its plant family."""
     family = bc.with_state_outputs(AffineFamily.from_function({"spring_factor": SPRING, "mass_factor": MASS}, boom))
     plant = family.nominal.to_statespace()
     tips = np.asarray(plant.C)[[plant.output_labels.index(name) for name in ("tip_left", "tip_right")]]
@@ -40,7 +40,7 @@ def design() -> SuspensionDesign:
     Q = tips.T @ tips / TIP**2 + speeds.T @ speeds / TIP_SPEED**2
     regulator = bc.lqr(plant, Q, 1.0 / FORCE**2, controls=CONTROLS)
     certificate = regulator.certificate
-    assert certificate.regulator_riccati is not None  # every regulator has its solution; other designs have none
+    assert certificate.regulator_riccati is not None  # set for every regulator; None for other designs
     return SuspensionDesign(
         "lqr_suspension",
         "LQR suspension, all states measured",
@@ -48,16 +48,16 @@ def design() -> SuspensionDesign:
         plant=family,
         synthesis_info={
             "Riccati residual": f"{certificate.regulator_riccati.residual:.2g} relative",
-            "return difference": f"{certificate.min_return_difference:.6f} at least (1 by Kalman's inequality)",
+            "return difference": f"minimum {certificate.min_return_difference:.6f} (Kalman's inequality: at least 1)",
             "proved in ball arithmetic": bc.prove(regulator).claim,
             "slowest pole": f"{regulator.poles.real.max():.3g} rad/s",
         },
-        notes=("All states are taken to be measured, without error: a yardstick, not a suspension to be built.",),
+        notes=("All states are assumed to be measured without error. This design is a reference, not implementable.",),
     )
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

@@ -1,10 +1,10 @@
-"""From a record to a controller that is proved: a motor that turns a flexible beam, known from one minute of measurement.
+"""From data to a verified controller: a motor that turns a flexible beam, identified from one minute of measurement.
 
-The rig is simulated, so that the truth is known: its amplifier, friction, stiffness and damping are none of the drawing's,
-its encoder has counts, its strain gauge has noise. What follows knows the record and the drawing alone: frequency response,
-fit, a box that holds the four parameters at once and a band for what they do not explain, PD with notch tuned over the box
-and an H-infinity controller of the rig as fitted, and proofs of both sampled loops with their delay. At the end
-the loop runs on the true rig.
+The rig is simulated, so that its true parameters are known: amplifier gain, friction, stiffness and damping differ from the
+drawing, the encoder is quantized, and the strain gauge has noise. Identification and design use only the record and the
+drawing: estimation of the frequency response, parameter fit, a joint confidence box of the four parameters, an additive
+uncertainty weight for the remaining model error, a PD controller with notch tuned over the box, and an H-infinity controller
+for the fitted model. Stability of both sampled loops is proved with delay, and both are simulated on the true rig.
 """
 
 from functools import cache
@@ -22,7 +22,7 @@ from boomctl.studies.machine import MachineDesign, MachineResult
 from boomctl.synthesis import HInfinityResult
 from boomctl.tuning import TuneResult
 
-# a steel ruler of 400 x 20 x 1 mm on a motor, as drawn
+# steel ruler of 400 x 20 x 1 mm on a motor, nominal data of the drawing
 DRAWN = bc.HubBeamParameters(
     length=0.4,
     density=7800.0,
@@ -35,15 +35,15 @@ DRAWN = bc.HubBeamParameters(
 NOMINAL = {"gain": 1.0, "friction": 5e-3, "youngs_modulus": 2.0e11, "damping_ratio": 0.01}
 TRUTH = {"gain": 0.91, "friction": 8e-3, "youngs_modulus": 1.86e11, "damping_ratio": 0.014}
 STEP, SAMPLES, SEED = 0.004, 15_000, 0  # s; one minute
-TORQUE, TOP_HZ = 0.05, 60.0  # N m (RMS) of the shaking, and its highest frequency
-COUNT, GAUGE = 2.0 * np.pi / 8192, 2e-5  # rad, of the encoder; m, noise of the gauge that reads the tip
+TORQUE, TOP_HZ = 0.05, 60.0  # N m (RMS) of the excitation, and its bandwidth
+COUNT, GAUGE = 2.0 * np.pi / 8192, 2e-5  # rad, encoder resolution; m, noise of the tip displacement (strain gauge)
 BAND_HZ = (0.5, 40.0)
-MARGIN, DELAY = 0.05, 0.001  # of each parameter for what changes later; s, from sample to torque
-FASTEST = 400.0  # rad/s, of the controller's poles: what 250 samples a second follow
+MARGIN, DELAY = 0.05, 0.001  # relative enlargement of each parameter range, for drift; s, from sample to torque
+FASTEST = 400.0  # rad/s, largest magnitude of controller poles, for sampling at 250 Hz
 
 
 def rig(p: dict[str, float]) -> SecondOrderModel:
-    """Return motor and beam as a structure: torque asked for in, angle of the hub and place of the tip out."""
+    """Return the model of motor and beam, with commanded torque and tip force to hub angle and tip displacement."""
     beam = bc.hub_beam(
         DRAWN.replace(youngs_modulus=p["youngs_modulus"], damping_ratio=p["damping_ratio"]), model="sfoam", modes=2
     )
@@ -57,7 +57,7 @@ def rig(p: dict[str, float]) -> SecondOrderModel:
 
 
 def shaken() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Return the record: torque asked for, and what encoder and gauge say, a sample each."""
+    """Simulate the record: samples of the commanded torque, and of encoder and strain gauge."""
     rng = np.random.default_rng(SEED)
     omega = 2.0 * np.pi * np.fft.rfftfreq(2 * SAMPLES, STEP)
     noise = np.fft.rfft(rng.standard_normal(2 * SAMPLES)) * (omega < 2.0 * np.pi * TOP_HZ) * (omega > 0.0)
@@ -75,29 +75,29 @@ def shaken() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
 
 @cache
 def response() -> FrequencyResponseEstimate:
-    """Return the frequency response that the record tells."""
+    """Estimate the frequency response from the record."""
     return bc.estimate_frequency_response(*shaken(), STEP, frequency_range_hz=BAND_HZ)
 
 
 @cache
 def measured() -> FitResult:
-    """Return the four parameters that the record tells, begun from the drawing."""
+    """Fit the four parameters to the record; the initial values are those of the drawing."""
     return bc.fit(rig, response(), list(NOMINAL), NOMINAL, n_starts=1)
 
 
 @cache
 def family() -> Family:
-    """Return the rigs that the record leaves open, and what may change later."""
+    """Return the family of models within the joint confidence box, enlarged for drift."""
     return measured().family(probability=0.95, range_margin=MARGIN)
 
 
 def unexplained() -> control.StateSpace:
-    """Return the bound of what the parameters do not explain of the loop's response: here noise and counts."""
+    """Return the additive uncertainty weight for the error of the fitted response: here noise and quantization."""
     return uncertainty_weight(response(), rig(measured().parameters), "torque", "hub_angle")
 
 
 def weighed(model: SecondOrderModel) -> control.StateSpace:
-    """Return a generalized plant: the tip, hub's turn included, is to stand still; torque and encoder are not perfect."""
+    """Return the generalized plant: rejection of torque and tip-force disturbances at hub and tip, with encoder noise."""
     return bc.generalized_plant(
         model,
         disturbances={"torque": 0.02, "tip_force": 0.05},
@@ -111,26 +111,26 @@ def weighed(model: SecondOrderModel) -> control.StateSpace:
 
 @cache
 def tuned() -> TuneResult:
-    """Return PD with a notch, the worst of the box as good as can be."""
+    """Tune a PD controller with notch for the worst case over the box."""
     parts = tunable.pid(integral=False, omega_max=FASTEST) * tunable.notch(20.0, FASTEST)
     return bc.tune(weighed, structure=parts, family=family(), n_starts=1, fastest_pole=FASTEST)
 
 
 @cache
 def optimal() -> HInfinityResult:
-    """Return the H-infinity controller of the rig as fitted, of full order: the same weights, the box is not asked."""
+    """Design a full-order H-infinity controller for the fitted model, with the same weights, without the box."""
     return bc.h_infinity(weighed(rig(measured().parameters)), fastest_pole=FASTEST)
 
 
 def sampled(design: TuneResult | HInfinityResult) -> control.StateSpace:
-    """Return a controller as it runs, 250 times a second."""
+    """Discretize a controller at 250 Hz."""
     return bc.discretize(design.controller, STEP)
 
 
 def proofs(K: control.StateSpace) -> tuple[bc.analysis.RobustStability, bc.analysis.WorstCase]:
-    """Return what is proved of a sampled loop, its torque a millisecond late, over the whole box.
+    """Return robust stability and worst-case gain of a sampled loop over the box, with a delay of 1 ms.
 
-    Stability is proved with whatever is within the band of what the parameters do not explain.
+    Robust stability also covers the additive uncertainty.
     """
     return (
         bc.robust_stability(family(), K, delay=DELAY, additive_uncertainty=unexplained()),
@@ -139,7 +139,7 @@ def proofs(K: control.StateSpace) -> tuple[bc.analysis.RobustStability, bc.analy
 
 
 def on_the_rig(K: control.StateSpace, seconds: float = 2.0) -> Any:
-    """Return the loop on the true rig: a push at the tip of 0.05 N for 0.2 s, the encoder with its counts."""
+    """Simulate the loop on the true rig: a tip force of 0.05 N for 0.2 s, with the quantized encoder."""
     t = STEP * np.arange(round(seconds / STEP) + 1)
     push = {"tip_force": np.where((t >= 0.2) & (t < 0.4), 0.05, 0.0)}
     plant = rig(TRUTH).to_statespace()
@@ -147,7 +147,7 @@ def on_the_rig(K: control.StateSpace, seconds: float = 2.0) -> Any:
 
 
 def design() -> MachineDesign:
-    """Return the PD with notch, and what is proved of it and of the H-infinity controller beside it."""
+    """Return the PD controller with notch, with proofs for it and for the H-infinity controller."""
     fitted = measured()
     facts = {f"{name}": f"{fitted.values[name]:.5g}, {fitted.interval_text(name)}" for name in fitted.names}
     facts["intervals from"] = fitted.uncertainty_source
@@ -169,16 +169,16 @@ def design() -> MachineDesign:
         outputs=["hub_angle", "tip_displacement"],
         synthesis_info=facts,
         notes=(
-            f"Known from one minute of record. The box holds gain, friction, stiffness and damping at once with 95 %, and"
-            f" {100.0 * MARGIN:g} % more to either side. The sampled loop has {1.0 / STEP:g} samples a second, its torque"
-            f" {1e3 * DELAY:g} ms late.",
-            "The H-infinity controller is of the rig as fitted, for the same weights; the box enters by the proof alone.",
+            f"The model is identified from one minute of data. The box is a joint 95 % confidence region of gain, friction,"
+            f" stiffness and damping, enlarged by {100.0 * MARGIN:g} % of each value on either side. The sampling rate is"
+            f" {1.0 / STEP:g} Hz, the delay {1e3 * DELAY:g} ms.",
+            "The H-infinity controller is designed for the fitted model with the same weights; only the proof uses the box.",
         ),
     )
 
 
 def main() -> MachineResult:
-    """Return what the controller is worth on the rig as fitted."""
+    """Evaluate the controller on the fitted model."""
     return design().evaluate()
 
 

@@ -1,8 +1,8 @@
-"""Passive tuning: springs, cradle damper and hinge damper that make the verified peak from platform to tips least.
+"""Passive suspension: springs, cradle damper and hinge damper that minimize the verified peak gain from platform to tips.
 
-By symmetry the peak is the larger of two: that of the jolt depends on spring and cradle damper, that of the yaw on spring
-and hinge damper; each is tuned for itself, spring by spring. The peak falls with the spring's stiffness all the way, for
-the static gain is what is left then; springs must carry side wind and slopes, so that half of Table 2 is the least allowed.
+By symmetry the peak is the larger of two: the peak of the jolt depends on spring and cradle damper, the peak of the yaw on
+spring and hinge damper. For each spring stiffness the two dampers are tuned separately. The peak decreases with decreasing
+stiffness toward the static gain; springs must carry side wind and slopes, so that the lower bound is half of Table 2.
 """
 
 from dataclasses import replace
@@ -21,14 +21,14 @@ ELEMENTS = 10
 
 
 def peaks(p: bc.BoomParameters) -> tuple[float, float]:
-    """Return the verified peaks of jolt and yaw."""
+    """Return the verified peak gains of jolt and yaw."""
     jolt, yaw = bc.split_symmetric(bc.spray_boom(p, elements=ELEMENTS))
     found = [bc.sigma(half, inputs=f"actuator_{s}", outputs=f"tip_{s}") for half, s in ((jolt, "sym"), (yaw, "anti"))]
     return found[0].peak, found[1].peak
 
 
 def tuned(stiffness: float) -> tuple[bc.BoomParameters, float]:
-    """Return the best dampers for a spring, and the peak they leave."""
+    """Return the optimal dampers for a spring stiffness, and the peak gain with them."""
     p = replace(TABLE_2, spring_stiffness=stiffness)
 
     def least(name: str, limits: tuple[float, float], which: int) -> optimize.OptimizeResult:
@@ -45,21 +45,21 @@ def tuned(stiffness: float) -> tuple[bc.BoomParameters, float]:
 
 
 def design() -> SuspensionDesign:
-    """Return the machine with tuned springs and dampers."""
+    """Tune springs and dampers."""
     tried = {k: tuned(float(k)) for k in np.geomspace(*STIFFNESS, 3)}
     p, peak = min(tried.values(), key=lambda found: found[1])
-    facts = {f"spring of {k:.0f} N/m": f"peak {value:.2f} with its best dampers" for k, (_, value) in tried.items()}
+    facts = {f"spring of {k:.0f} N/m": f"peak gain {value:.2f} with optimal dampers" for k, (_, value) in tried.items()}
     facts["chosen"] = (
         f"k_s = {p.spring_stiffness:.0f} N/m, c_g = {p.cradle_damping:.1f} N s/m, c_t = {p.hinge_damping:.0f} N m s/rad"
         f" (Table 2: {TABLE_2.spring_stiffness:.0f}, {TABLE_2.cradle_damping:.0f}, {TABLE_2.hinge_damping:.0f}): {peak:.2f}"
     )
     return SuspensionDesign(
-        "passive_tuning", "Passive suspension with the smallest peak", parameters=p, synthesis_info=facts
+        "passive_tuning", "Passive suspension with minimum peak gain", parameters=p, synthesis_info=facts
     )
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

@@ -1,8 +1,8 @@
-"""One torque for several payloads: a slew that leaves no vibration whichever of them hangs at the tip.
+"""Slew with one torque for several payloads, without residual vibration for any of them.
 
-The least-effort torque for one payload leaves the beam swinging with another one. Asking the same torque to bring the beam
-to rest with all payloads at once costs more than twice the effort in the same time; in between, the vibration stays small
-too. The hub's angle is prescribed for the middle payload only: the others come to rest some 0.045 rad beside it.
+The minimum-effort torque for one payload causes residual vibration with another one. A torque that brings the beam to rest
+with three payloads requires more than twice the effort in the same time; the residual vibration is also small for payloads
+between them. The final hub angle is prescribed for the middle payload only; with the others it differs by about 0.045 rad.
 """
 
 import numpy as np
@@ -13,11 +13,11 @@ from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 ANGLE, LIMIT, DURATION = np.pi / 2, 200.0, 4.5
 NOMINAL, OTHERS, BETWEEN = 0.1, (0.0, 0.2), (0.03, 0.15)
-ROBUST, PLAIN = "planned for 0, 0.1 and 0.2 kg", "planned for 0.1 kg alone"
+ROBUST, PLAIN = "planned for 0, 0.1 and 0.2 kg", "planned for 0.1 kg only"
 
 
 def design(modes: int = 2, intervals: int = 200) -> SlewDesign:
-    """Plan for three payloads, and for one."""
+    """Plan one slew for three payloads and one for a single payload."""
     beam = hub_beam(HubBeamParameters(tip_mass=NOMINAL), "sfoam", modes)
     robust, plain = (
         optimal_slew(beam, ANGLE, LIMIT, "effort", DURATION, tip_masses=masses, intervals=intervals)
@@ -30,12 +30,12 @@ def design(modes: int = 2, intervals: int = 200) -> SlewDesign:
         {ROBUST: robust, PLAIN: plain},
         reference_slew=PLAIN,
         tip_masses=tuple(sorted((NOMINAL, *OTHERS, *BETWEEN))),
-        notes=(f"Robustness costs {robust.cost / plain.cost:.2f} times the effort in the same time.",),
+        notes=(f"The robust slew requires {robust.cost / plain.cost:.2f} times the effort in the same time.",),
     )
 
 
 def main(modes: int = 2, intervals: int = 200) -> SlewEvaluation:
-    """Return what the slew is worth."""
+    """Evaluate the slew."""
     return design(modes, intervals).evaluate()
 
 

@@ -1,9 +1,10 @@
-"""A drive scheduled over the hub speed: LQG at seven speeds, the beam spun up to 5 rad/s with 0.1 kg unknown at its tip.
+"""Gain-scheduled LQG controller for the spin-up of the beam to 5 rad/s, with an unknown tip mass of up to 0.1 kg.
 
-Each controller knows the beam as centrifugal forces stiffen it at its speed, where it weighs the tip's displacement more, for
-a stiffer beam moves less; none knows of the mass. Between the speeds their matrices are interpolated linearly. The loop is
-proved stable at every constant speed up to 6 rad/s with 0 to 0.1 kg. This does not cover a changing speed: the spin-up is
-simulated, at the intended rate and at three times that rate.
+The controller is scheduled over the hub speed. LQG controllers are designed at seven constant speeds for the beam without tip
+mass, including its centrifugal stiffening; the weight of the tip displacement increases with speed, because the stiffer beam
+deflects less. Their matrices are interpolated linearly. The closed loop is proved stable at every constant speed up to
+6 rad/s with 0 to 0.1 kg. The proof does not cover a changing speed: the spin-up is simulated at the intended rate and at
+three times that rate.
 """
 
 from functools import partial
@@ -21,23 +22,23 @@ from boomctl.studies import MachineDesign
 from boomctl.studies.machine import MachineResult
 
 SPEEDS, MASSES = np.linspace(0.0, 6.0, 7), (0.0, 0.1)  # rad/s, kg
-SENSORS = {"hub_angle": 1e-5, "hub_speed": 1e-4, "root_moment": 0.1}  # and the intensity of their noise
-NOISE = {"hub_angle": 1e-5, "hub_speed": 1e-3, "root_moment": 0.05}  # of a sample, rad, rad/s, N m
-SPEED, DURATION, FASTER = 5.0, 15.0, 3.0  # rad/s, s; the second spin-up has so many times the rate of the first
+SENSORS = {"hub_angle": 1e-5, "hub_speed": 1e-4, "root_moment": 0.1}  # measurements, with noise intensities of the LQG
+NOISE = {"hub_angle": 1e-5, "hub_speed": 1e-3, "root_moment": 0.05}  # standard deviation of a sample: rad, rad/s, N m
+SPEED, DURATION, FASTER = 5.0, 15.0, 3.0  # rad/s, s; rate of the second spin-up relative to the first
 STEP, LIMIT = 0.01, 200.0  # s, N m
-GUST, GUST_TIME, SETTLED = 2.0, 0.5, 3.0  # N, s; s after the gust from which on the remaining vibration counts
-SCHEDULED, FIXED, OPEN = "scheduled", "designed at rest", "torque alone"
-COLUMNS = {  # head, unit, its size in SI, digits
+GUST, GUST_TIME, SETTLED = 2.0, 0.5, 3.0  # N, s; s from the end of the gust to the evaluation of residual vibration
+SCHEDULED, FIXED, OPEN = "scheduled", "LQG at zero speed", "open loop"
+COLUMNS = {  # column head, unit, value of the unit in SI, digits
     "tip": ("largest tip displacement", "m", 1.0, 3),
-    "left": ("left after the spin-up", "mm", 1e-3, 1),
-    "after_gust": ("left after the gust", "mm", 1e-3, 1),
+    "left": ("residual vibration after the spin-up", "mm", 1e-3, 1),
+    "after_gust": ("residual vibration after the gust", "mm", 1e-3, 1),
     "speed_error": ("speed error", "mrad/s", 1e-3, 1),
-    "torque": ("torque", "N m", 1.0, 0),
+    "torque": ("largest torque", "N m", 1.0, 0),
 }
 
 
 def drive(beam: HubBeam) -> ScheduledController:
-    """Return the scheduled controller of a beam."""
+    """Design the gain-scheduled controller of a beam."""
     made = [
         lqg(
             beam.linearize(speed, sensors=()),
@@ -55,7 +56,7 @@ def drive(beam: HubBeam) -> ScheduledController:
 
 
 def spun_up(beam: HubBeam, K: ScheduledController, way: str, mass: float, duration: float = DURATION) -> LoopResult:
-    """Simulate a spin-up of Eq. (43) of Bai et al. and a gust at the tip after it, with noise and the torque limit."""
+    """Simulate a spin-up, Eq. (43) of Bai et al., followed by a gust at the tip, with noise and the torque limit."""
     maneuver, begin = spin_up(SPEED, duration), 1.5 * duration
     last = max(2.0 * duration, begin + 2.0 * (GUST_TIME + SETTLED))
     time = STEP * np.arange(int(np.ceil(last / STEP)) + 1)
@@ -79,7 +80,7 @@ def spun_up(beam: HubBeam, K: ScheduledController, way: str, mass: float, durati
 
 
 def numbers(run: LoopResult, duration: float = DURATION) -> dict[str, float]:
-    """Return largest displacements of the tip [m], the error of the hub speed [rad/s] and the torque [N m] of a run."""
+    """Return largest tip displacements [m], largest hub speed error [rad/s] and largest torque [N m] of a run."""
     tip, gust = np.abs(run["tip_displacement"]), 1.5 * duration
     left = (run.time > duration) & (run.time < gust)
     found = {
@@ -93,12 +94,12 @@ def numbers(run: LoopResult, duration: float = DURATION) -> dict[str, float]:
 
 
 def applied(run: LoopResult) -> np.ndarray:
-    """Return the torque of a run, of the controller or prescribed [N m]."""
+    """Return the torque of a run, from the controller or prescribed [N m]."""
     return run.controls["torque"] if "torque" in run.controls else run.disturbances["torque"]
 
 
 def drawn(runs: dict[str, LoopResult], duration: float, ax: Any = None) -> Any:
-    """Draw runs over time: speed error, tip displacement after the spin-up, torque."""
+    """Plot speed error, tip displacement and torque of the runs over time."""
     maneuver, last = spin_up(SPEED, duration), max(run.time[-1] for run in runs.values())
     panes = ["speed error [rad/s]", "tip displacement [m]", "tip after the spin-up [mm]", "torque [N m]"]
     with panels(ax, panes, (7.4, 7.6)) as axes:
@@ -116,21 +117,21 @@ def drawn(runs: dict[str, LoopResult], duration: float, ax: Any = None) -> Any:
 
 
 def section(title: str, words: str, runs: dict[tuple[str, float], LoopResult], duration: float, name: str) -> Section:
-    """Return the section of some runs: a table, and a picture of those with the larger mass."""
+    """Return a report section with a table of the runs and a plot of those with the larger tip mass."""
     lines = []
     for (way, mass), run in runs.items():
         found = numbers(run, duration)
         cells = (f"{found[key] / size:.{digits}f} {unit}" for key, (_, unit, size, digits) in COLUMNS.items())
         lines.append((way, f"{mass:g} kg", *cells))
     heavy = {way: run for (way, mass), run in runs.items() if mass == MASSES[-1]}
-    caption = f"The spin-up with {MASSES[-1]:g} kg at the tip, of which the drive does not know, and a gust after it."
+    caption = f"Spin-up with a tip mass of {MASSES[-1]:g} kg, unknown to the controller, followed by a gust."
     shown = picture(name, figure_of(partial(drawn, heavy, duration)), caption)
-    table = Table(("drive", "tip mass", *(head for head, *_ in COLUMNS.values())), tuple(lines))
+    table = Table(("controller", "tip mass", *(head for head, *_ in COLUMNS.values())), tuple(lines))
     return Section(title, (words,), (table,), (shown,))
 
 
 def design(modes: int = 3) -> MachineDesign:
-    """Design the drive, and simulate the spin-up with it."""
+    """Design the controller and simulate the spin-up with it."""
     beam = hub_beam(HubBeamParameters(damping_ratio=0.005), "sfoam", modes)
     K, fast = drive(beam), DURATION / FASTER
     runs = {(way, mass): spun_up(beam, K, way, mass) for mass in MASSES for way in (SCHEDULED, FIXED, OPEN)}
@@ -144,10 +145,10 @@ def design(modes: int = 3) -> MachineDesign:
         inputs="tip_force",
         outputs="tip_displacement",
         notes=(
-            "The drive reads hub angle, hub speed and bending moment at the clamp, every 10 ms; angle and speed less those "
-            "of Eq. (43), whose torque for a rigid beam without tip mass is fed forward.",
-            "The proof holds for every constant hub speed, of the linear loop about steady rotation; it does not cover a "
-            "changing speed. The spin-ups below are simulated with the nonlinear beam, sampling, noise and torque limit.",
+            "The controller measures hub angle, hub speed and bending moment at the root every 10 ms. The references of "
+            "angle and speed are those of Eq. (43); the torque of a rigid beam without tip mass is the feedforward.",
+            "The proof covers the loop linearized about steady rotation at every constant hub speed, not a changing "
+            "speed. The spin-ups below are simulated with the nonlinear beam, sampling, noise and torque limit.",
         ),
         results={
             "rate_asked": intended,
@@ -156,9 +157,9 @@ def design(modes: int = 3) -> MachineDesign:
             "faster_runs": [{"way": w, "tip_mass": mass, **numbers(run, fast)} for (w, mass), run in faster.items()],
         },
         sections=(
-            section("The spin-up", f"The largest acceleration is {intended:.3g} rad/s².", runs, DURATION, "spin_up"),
+            section("Spin-up", f"The largest acceleration is {intended:.3g} rad/s².", runs, DURATION, "spin_up"),
             section(
-                f"The spin-up at {FASTER:g} times the rate",
+                f"Spin-up at {FASTER:g} times the rate",
                 f"The largest acceleration is {rate:.3g} rad/s²; the torque is limited to {LIMIT:g} N m.",
                 faster,
                 fast,
@@ -169,7 +170,7 @@ def design(modes: int = 3) -> MachineDesign:
 
 
 def main(modes: int = 3) -> MachineResult:
-    """Return the evaluation of the drive."""
+    """Evaluate the drive."""
     return design(modes).evaluate()
 
 

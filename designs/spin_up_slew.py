@@ -1,8 +1,8 @@
-"""Spinning a flexible beam up to a speed: the fastest torque, against the smooth profile of the paper.
+"""Minimum-time spin-up of a flexible beam, compared with the smooth profile of the paper.
 
-The beam ends in steady rotation without vibration. The paper's profile, Eq. (43), is given the time in which a rigid body
-would need the same peak torque for it; it then takes longer, leaves a vibration, and on the flexible beam its torque is not
-that of the rigid body.
+The beam ends in steady rotation without residual vibration. The duration of the paper's profile, Eq. (43), is chosen such
+that a rigid body would need the same peak torque. The profile takes longer and causes residual vibration, and on the flexible
+beam its torque differs from that of the rigid body.
 """
 
 from collections.abc import Iterator
@@ -21,9 +21,8 @@ from boomctl.studies.evaluation import table_of
 from boomctl.studies.slew import SlewDesign, SlewEvaluation
 
 SPEED, LIMIT = 1.0, 200.0
-PROFILE = spin_up(
-    SPEED, 2.0 * HubBeamParameters().rigid_body_inertia * SPEED / LIMIT
-)  # its largest acceleration is 2 w / T
+# the largest acceleration of the profile is 2 w / T
+PROFILE = spin_up(SPEED, 2.0 * HubBeamParameters().rigid_body_inertia * SPEED / LIMIT)
 HEADS = {
     "name": "",
     "duration": "duration [s]",
@@ -35,7 +34,7 @@ HEADS = {
 
 @dataclass(frozen=True)
 class SpinUp:
-    """A spin-up, by a torque or by a prescribed motion of the hub: largest torque, and errors after the end."""
+    """Spin-up by a torque or by a prescribed hub motion: largest torque, and errors after the end."""
 
     name: str
     duration: float
@@ -46,7 +45,7 @@ class SpinUp:
 
 
 def spin_ups(h: HubBeam, slew: SlewResult) -> Iterator[SpinUp]:
-    """Yield the motion under the planned torque, and that under the profile of the hub."""
+    """Simulate the spin-up with the planned torque and with the prescribed profile of the hub."""
     last = max(PROFILE.duration, slew.duration) + 1.5 / float(h.eigenfrequencies_hz().min())
     time = np.unique([*np.linspace(0.0, last, 1201), PROFILE.duration, slew.duration])
     for name, moved in (("minimum time", slew.torque_profile), ("profile, Eq. (43)", PROFILE)):
@@ -62,7 +61,7 @@ def spin_ups(h: HubBeam, slew: SlewResult) -> Iterator[SpinUp]:
 
 
 def drawn(pair: tuple[SpinUp, ...], ax: Any = None) -> Any:
-    """Draw torque, hub speed and tip displacement of spin-ups on one time axis."""
+    """Plot torque, hub speed and tip displacement of the spin-ups over time."""
     labels = ("torque [N m]", "hub speed [rad/s]", "tip displacement [m]")
     levels = ((-LIMIT, LIMIT), (SPEED,), ())
     with panels(ax, labels, (7.0, 5.8)) as axes:
@@ -81,18 +80,20 @@ def drawn(pair: tuple[SpinUp, ...], ax: Any = None) -> Any:
 
 
 def design(modes: int = 2) -> SlewDesign:
-    """Plan the spin-up, and compare it with the profile."""
+    """Plan the spin-up and compare it with the profile."""
     beam = hub_beam(HubBeamParameters(), "sfoam", modes)
     planned = optimal_slew(beam, angle=None, torque_limit=LIMIT, final_speed=SPEED)
     pair = tuple(spin_ups(beam, planned))
     rows = [{key: getattr(each, key) for key in HEADS} for each in pair]
     words = (
-        f"The beam ends in steady rotation at {SPEED:g} rad/s, its hub free. The profile of Bai et al. (2009), Eq. (43),"
-        " prescribes the hub's motion exactly, then and afterwards, as an ideal speed loop would, with any torque that this"
-        f" takes; in its duration a rigid body would need {LIMIT:g} N m. Vibration and speed error are the largest after the"
-        " end."
+        f"The beam ends in steady rotation at {SPEED:g} rad/s with a free hub. The profile of Bai et al. (2009), Eq. (43),"
+        " prescribes the hub motion during and after the spin-up, like an ideal speed controller without torque limit;"
+        f" with its duration a rigid body would need a peak torque of {LIMIT:g} N m. Vibration and speed error are the"
+        " largest values after the end of the spin-up."
     )
-    caption = "Torque, hub speed and tip displacement. Broken lines: torque limit and final speed; dotted: the ends."
+    caption = (
+        "Torque, hub speed and tip displacement. Dashed: torque limit and final speed; dotted: end of each spin-up."
+    )
     shown = picture("spin_up", figure_of(partial(drawn, pair)), caption, "png")
     return SlewDesign(
         "spin_up_slew",
@@ -101,12 +102,12 @@ def design(modes: int = 2) -> SlewDesign:
         {"minimum time": planned},
         reference_slew="smooth torque",
         results={"spin_ups": rows},
-        sections=(Section("Into steady rotation", (words,), (table_of(rows, HEADS),), (shown,)),),
+        sections=(Section("Comparison of the spin-ups", (words,), (table_of(rows, HEADS),), (shown,)),),
     )
 
 
 def main(modes: int = 2) -> SlewEvaluation:
-    """Return what the spin-up is worth."""
+    """Evaluate the spin-up."""
     return design(modes).evaluate()
 
 

@@ -1,8 +1,8 @@
-"""PD and a notch at the hub, tuned at once for 0 to 0.2 kg at the tip, beside the LQG that is made for the middle, 0.1 kg.
+"""PD controller with notch at the hub, tuned for tip masses of 0, 0.1 and 0.2 kg, compared with LQG designed for 0.1 kg.
 
-Both read the encoder of the hub alone. What a disturbance torque does to hub and tip is to be small, and torque from the
-encoder's noise is limited. The LQG knows all modes and has a state for each; with the same limit it is no better for 0.1 kg,
-and far worse at the ends.
+Both measure only the hub encoder. The objective is rejection of a disturbance torque at hub and tip; the constraint is the
+gain from encoder noise to torque. The LQG controller has the order of the plant; under the same constraint it is not better
+for 0.1 kg, and much worse at the ends of the range.
 """
 
 from functools import cache
@@ -15,23 +15,23 @@ import boomctl as bc
 from boomctl.studies.machine import MachineResult
 from boomctl.tuning import TuneResult
 
-MASSES = (0.0, 0.1, 0.2)  # at the tip, that are tuned for [kg]
-BETWEEN = np.linspace(0.0, 0.2, 9)  # those at which both are compared [kg]
-NOISE_GAIN = 3e4  # torque over encoder noise, at any frequency [N m/rad]: an encoder of 2e-5 rad moves 0.6 N m
-NOTCH = (2.0, 100.0)  # where the notch may be [rad/s]: from below the first bending mode to the third
-LENGTH = bc.HubBeamParameters().length  # what an angle of the hub moves the tip by [m]
-EFFORT = np.geomspace(1e-9, 1e-4, 6)  # weights of the torque tried for the LQG
-NOISE = np.geomspace(1e-11, 1e-7, 9)  # intensities of the encoder's noise tried for it, over that of the torque
+MASSES = (0.0, 0.1, 0.2)  # tip masses of the tuning [kg]
+BETWEEN = np.linspace(0.0, 0.2, 9)  # tip masses of the comparison [kg]
+NOISE_GAIN = 3e4  # limit on the gain from encoder noise to torque [N m/rad]: 2e-5 rad of noise give 0.6 N m
+NOTCH = (2.0, 100.0)  # range of the notch frequency [rad/s]: from below the first bending mode to the third
+LENGTH = bc.HubBeamParameters().length  # tip displacement per hub angle [m]
+EFFORT = np.geomspace(1e-9, 1e-4, 6)  # grid of torque weights of the LQG
+NOISE = np.geomspace(1e-11, 1e-7, 9)  # grid of encoder noise intensities of the LQG, relative to that of the torque
 
 
 def beam(mass: float) -> control.StateSpace:
-    """Return the beam at rest with a mass at its tip, three modes."""
+    """Return the linearized beam at rest with a tip mass and three modes."""
     return bc.hub_beam(bc.HubBeamParameters(tip_mass=mass, damping_ratio=0.005), "sfoam", 3).linearize(0.0, sensors=())
 
 
 @cache
 def plant(mass: float) -> control.StateSpace:
-    """Return the generalized plant: disturbance torque and encoder noise to what hub and tip do, and to the torque."""
+    """Return the generalized plant, from disturbance torque and encoder noise to hub angle, tip displacement and torque."""
     return bc.generalized_plant(
         beam(mass),
         disturbances={"disturbance_torque": 1.0},
@@ -44,7 +44,7 @@ def plant(mass: float) -> control.StateSpace:
 
 
 def norms(controller: control.StateSpace, mass: float) -> tuple[float, float]:
-    """Return the norm from disturbance torque to hub and tip [m/N m], and from noise to torque [N m/rad]."""
+    """Return the H-infinity norms from disturbance torque to hub and tip [m/(N m)] and from noise to torque [N m/rad]."""
     loop = bc.lft(plant(mass), controller)
     ends = [("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]), ("n_hub_angle", ["z_torque"])]
     found = [bc.hinf_norm(bc.synthesis.select_channels(loop, [start], end)).lower_bound for start, end in ends]
@@ -52,7 +52,7 @@ def norms(controller: control.StateSpace, mass: float) -> tuple[float, float]:
 
 
 def tuned() -> TuneResult:
-    """Return PD and notch: the disturbance least, torque from noise within its limit."""
+    """Tune PD and notch: minimize the effect of the disturbance torque, with limited gain from noise to torque."""
     structure = bc.tunable.pid(integral=False) * bc.tunable.notch(*NOTCH)
     channels = [
         bc.tunable.objective("w_disturbance_torque", ["z_hub_angle", "z_tip_displacement"]),
@@ -63,7 +63,7 @@ def tuned() -> TuneResult:
 
 @cache
 def regulators() -> tuple[control.StateSpace, ...]:
-    """Return LQGs for the middle mass that keep the limit of noise, the one best against the disturbance there first."""
+    """Return LQG controllers for the middle mass that meet the noise limit, best disturbance rejection there first."""
     found = []
     for effort, noise in product(EFFORT, NOISE):
         K = bc.lqg(
@@ -84,14 +84,14 @@ def regulators() -> tuple[control.StateSpace, ...]:
 
 @cache
 def worst(controller: control.StateSpace) -> float:
-    """Return the largest norm at the masses compared; infinite where a loop is unstable."""
+    """Return the largest norm at the compared masses; infinite if a loop is unstable."""
     return max(norms(controller, mass)[0] for mass in BETWEEN)
 
 
 def design() -> bc.studies.MachineDesign:
-    """Return the hub with PD and notch, and what LQG does beside it."""
+    """Return the tuned PD controller with notch, and its comparison with LQG."""
     found, middle = tuned(), beam(MASSES[1])
-    arc = LENGTH * middle.C[[middle.output_labels.index("hub_angle")]]  # what the hub does, where the tip does [m]
+    arc = LENGTH * middle.C[[middle.output_labels.index("hub_angle")]]  # hub angle as displacement at the tip [m]
     names = {
         "inputs": middle.input_labels,
         "outputs": [*middle.output_labels, "hub_arc"],
@@ -104,7 +104,7 @@ def design() -> bc.studies.MachineDesign:
     even = min((best, *others), key=worst)
     said = "{:.4f} m/(N m) with 0.1 kg, at most {:.4f} with 0 to 0.2 kg"
     facts = {"PD and notch": found.certificate.summary, "proved in ball arithmetic": bc.prove(found).claim}
-    for name, K in (("PD and notch", found.controller), ("best LQG for 0.1 kg", best), ("most even LQG", even)):
+    for name, K in (("PD and notch", found.controller), ("LQG, best for 0.1 kg", best), ("LQG, best worst case", even)):
         facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
     return bc.studies.MachineDesign(
         "tuned_hub",
@@ -115,15 +115,15 @@ def design() -> bc.studies.MachineDesign:
         outputs=["hub_arc", "tip_displacement"],
         synthesis_info=facts,
         notes=(
-            f"Norms from disturbance torque [N m] to hub and tip together [m], the hub's angle times {LENGTH:g} m, at "
-            f"{len(BETWEEN)} masses; singular values and margins with {MASSES[1]:g} kg. For each controller torque over "
-            f"encoder noise is at most {NOISE_GAIN:g} N m/rad, at 0.1 kg.",
+            f"H-infinity norms from disturbance torque [N m] to hub angle times {LENGTH:g} m and tip displacement [m], at "
+            f"{len(BETWEEN)} tip masses; singular values and margins with {MASSES[1]:g} kg. The gain from encoder noise "
+            f"to torque is at most {NOISE_GAIN:g} N m/rad with 0.1 kg for each controller.",
         ),
     )
 
 
 def main() -> MachineResult:
-    """Return what the drive is worth."""
+    """Evaluate the drive."""
     return design().evaluate()
 
 

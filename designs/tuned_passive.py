@@ -1,8 +1,9 @@
-"""Springs and dampers alone, tuned for the largest peak over a box of springs and boom masses, and what is proved of it.
+"""Passive suspension: springs and dampers that minimize the worst-case peak gain over a box of parameters.
 
-`passive_tuning` does it for the boom of Table 2, a damper at a time; here springs may turn out 30 % softer or stiffer and the
-boom 20 % lighter or heavier. Springs carry side wind and slopes: half of Table 2 is the least allowed, and again it is what
-the peak asks for. The jolt depends on spring and cradle, the yaw on spring and hinge, and the jolt's peak is the higher one.
+`passive_tuning` minimizes the peak gain for the nominal boom of Table 2, one damper at a time; here the spring stiffness is
+uncertain by 30 % and the boom mass by 20 %. Springs must carry side wind and slopes, so that the lower bound of the stiffness
+is half of Table 2; the optimum is again at this bound. The jolt depends on spring and cradle damper, the yaw on spring and
+hinge damper. The jolt has the higher peak, so that the springs are tuned for it.
 """
 
 from collections.abc import Callable, Mapping
@@ -18,17 +19,17 @@ from boomctl.tuning import TuneResult
 
 TABLE_2 = bc.BoomParameters()
 RANGES = {
-    "spring_stiffness": (550.0, 2200.0),  # half to twice that of Table 2
+    "spring_stiffness": (550.0, 2200.0),  # 0.5 to 2 times the value of Table 2
     "cradle_damping": (20.0, 2000.0),
     "hinge_damping": (2.0, 5000.0),
 }
 UNITS = {"spring_stiffness": "N/m", "cradle_damping": "N s/m", "hinge_damping": "N m s/rad"}
-SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # factors on the spring chosen, and on the boom's mass
+SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # ranges of the factors on spring stiffness and boom mass
 HALVES = {"jolt": "sym", "yaw": "anti"}
 
 
 def made_at(half: str, point: tuple[float, float]) -> Callable[[Mapping[str, float]], control.StateSpace]:
-    """Return the function from springs and dampers to a half at a point of the box, from the platform to the tip."""
+    """Return a function that maps springs and dampers to a subsystem, platform to tip, at a point of the box."""
     side = HALVES[half]
 
     def make(values: Mapping[str, float]) -> control.StateSpace:
@@ -43,7 +44,7 @@ def made_at(half: str, point: tuple[float, float]) -> Callable[[Mapping[str, flo
 
 
 def tuned(half: str, names: tuple[str, ...], fixed: Mapping[str, float]) -> TuneResult:
-    """Return the values of some springs and dampers that make the worst peak of a half least, the others fixed."""
+    """Tune the named springs and dampers for the smallest worst-case peak of a subsystem, with the others fixed."""
 
     def made(point: tuple[float, float]) -> Callable[[Mapping[str, float]], control.StateSpace]:
         make = made_at(half, point)
@@ -55,7 +56,7 @@ def tuned(half: str, names: tuple[str, ...], fixed: Mapping[str, float]) -> Tune
 
 
 def design() -> SuspensionDesign:
-    """Return the machine with tuned springs and dampers: spring and cradle by the jolt, then the hinge by the yaw."""
+    """Tune springs and cradle damper for the jolt, then the hinge damper for the yaw."""
     jolt = tuned("jolt", ("spring_stiffness", "cradle_damping"), {})
     yaw = tuned("yaw", ("hinge_damping",), jolt.plant_parameters)
     chosen = {**jolt.plant_parameters, **yaw.plant_parameters}
@@ -66,14 +67,14 @@ def design() -> SuspensionDesign:
     parameters = replace(TABLE_2, **chosen)
     return SuspensionDesign(
         "tuned_passive",
-        "Passive suspension tuned over a box of parameters",
+        "Passive suspension with minimum worst-case peak gain",
         parameters=parameters,
         synthesis_info=facts,
     )
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

@@ -1,8 +1,9 @@
-"""Two controllers of order three, tuned at once for a box of springs and boom masses: no plant is reduced, none stays large.
+"""Fixed-structure suspension: two controllers of order three, tuned over a box of spring stiffness and boom mass.
 
-The jolt decides on the spray: the H2 norm of tip and force is least, the middle of the box counting more than its corners.
-The yaw has the high peak: it is brought down at every point of the box, as far as the force may follow the platform and as
-the loop at the control keeps its distance. No pole of a controller is fast, so that elastic modes are left alone.
+No model reduction is required. The jolt determines the spray distribution: the H2 norm of tip displacement and force is
+minimized, with a larger weight on the center of the box than on its corners. The yaw has the high peak: the peaks from
+platform to tip, from platform to force and of the loop at the control are minimized over the box. The magnitude of the
+controller poles is limited, so that the controllers do not act on the elastic modes.
 """
 
 from functools import cache, partial
@@ -17,22 +18,20 @@ from boomctl.structure import AffineFamily, SecondOrderModel
 from boomctl.studies.suspension import SuspensionDesign, SuspensionResult, suspension_model
 from boomctl.tuning import TuneResult
 
-SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # of Table 2, over which is tuned
-ORDER, STARTS, SECONDS = 3, 2, 600.0  # the time is far above what is taken: the starts decide, not the clock
+SPRING, MASS = (0.7, 1.3), (0.8, 1.2)  # ranges of the factors on the values of Table 2
+ORDER, STARTS, SECONDS = 3, 2, 600.0  # time limit not reached, so that the result does not depend on it
 MEASURED = ("stroke", "tip_acceleration")
-CORNERS = 0.7  # what disturbances at the corners count, of those in the middle, for the jolt
+CORNERS = 0.7  # weight of the corners in the H2 norm of the jolt, relative to the center
 FASTEST = {"sym": 50.0, "anti": 30.0}  # largest magnitude of a controller's poles [rad/s]
-PEAK, FORCE, LOOP = (
-    9.3,
-    1800.0,
-    2.0,
-)  # of the yaw: tip [m/m] and force [N/m] over the platform, force over force: sizes alike
-DECAY = 0.02  # slowest decay of the yaw [1/s]; an integrator would do as well, and never settle
-NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}  # of the jolt, beside 0.03 m of platform and 7.5 N of disturbance
+# channel scales of the yaw: platform to tip, platform to force [N/m], force to force
+PEAK, FORCE, LOOP = 9.3, 1800.0, 2.0
+DECAY = 0.02  # minimum decay rate of the yaw [1/s]; excludes poles near zero, which do not settle
+# noise of the jolt; its disturbances are 0.03 m at the platform and 7.5 N at the control
+NOISE = {"stroke": 0.005, "tip_acceleration": 0.5}
 
 
 def family(side: str) -> AffineFamily:
-    """Return half of the boom over the box, in six elements."""
+    """Return the family of a subsystem of the boom over the box, with six elements."""
     half = {"sym": "jolt", "anti": "yaw"}[side]
     return bc.boom_family(
         spring_factor=SPRING, mass_factor=MASS, subsystem=half, elements=6, accelerometer_bandwidth_hz=20.0
@@ -40,13 +39,13 @@ def family(side: str) -> AffineFamily:
 
 
 def plant(model: SecondOrderModel, side: str, **signals: Any) -> control.StateSpace:
-    """Return a generalized plant with the sensors and the control of a half."""
+    """Return a generalized plant with the sensors and the control of a subsystem."""
     measured, push = [f"{stem}_{side}" for stem in MEASURED], f"suspension_{side}"
     return bc.generalized_plant(model, measurements=measured, controls=[push], **signals)
 
 
 def jolt_plant(model: SecondOrderModel, share: float = 1.0) -> control.StateSpace:
-    """Return the jolt with its weights; the force costs more above 15 rad/s."""
+    """Return the weighted jolt plant; the effort weight increases around 15 rad/s."""
     return plant(
         model,
         "sym",
@@ -58,7 +57,7 @@ def jolt_plant(model: SecondOrderModel, share: float = 1.0) -> control.StateSpac
 
 
 def yaw_plant(model: SecondOrderModel, force: float = FORCE) -> control.StateSpace:
-    """Return the yaw in such units that its three channels come out alike."""
+    """Return the yaw plant, scaled so that its three channels have similar norms."""
     return plant(
         model,
         "anti",
@@ -70,7 +69,7 @@ def yaw_plant(model: SecondOrderModel, force: float = FORCE) -> control.StateSpa
 
 @cache
 def tuned_jolt(order: int = ORDER) -> TuneResult:
-    """Return the jolt's controller: the H2 norm of all signals, the largest of five points of the box."""
+    """Tune the jolt controller: minimize the largest H2 norm over five points of the box."""
     half = family("sym")
     corners = [half.at(np.array(point)) for point in product((-1.0, 1.0), repeat=2)]
     plants = [jolt_plant(half.at(np.zeros(2))), *(jolt_plant(model, CORNERS) for model in corners)]
@@ -78,14 +77,14 @@ def tuned_jolt(order: int = ORDER) -> TuneResult:
 
 
 def tuned_yaw(order: int = ORDER, decay: float | None = DECAY, force: float = FORCE) -> TuneResult:
-    """Return the yaw's controller: peaks from platform to tip and force, and round the control, over the box."""
+    """Tune the yaw controller: minimize the peaks from platform to tip and force, and at the control, over the box."""
     ends = [("actuator_anti", "tip_anti"), ("actuator_anti", "suspension_anti"), ("suspension_anti", "suspension_anti")]
     channels = [bc.tunable.objective(f"w_{start}", f"z_{end}") for start, end in ends]
     return tuned(partial(yaw_plant, force=force), order, "anti", channels, family=family("anti"), min_decay_rate=decay)
 
 
 def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> TuneResult:
-    """Return a strictly proper controller of a half."""
+    """Tune a strictly proper controller of a subsystem."""
     structure = bc.tunable.state_space(order, strictly_proper=True)
     fixed: dict[str, Any] = {
         "channels": channels,
@@ -98,7 +97,7 @@ def tuned(P: Any, order: int, side: str, channels: list, **options: Any) -> Tune
 
 
 def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
-    """Return both halves' controllers of an order joined into one of the machine."""
+    """Tune both controllers with the given order and join them into one for the machine."""
     halves = {"jolt": tuned_jolt(order), "yaw": tuned_yaw(order, force=force)}
     facts = {f"{name}: tuned": found.certificate.summary for name, found in halves.items()}
     facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
@@ -111,12 +110,12 @@ def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
 
 
 def design() -> SuspensionDesign:
-    """Return the suspension that the folder is about."""
+    """Return the design with the default order and force scale."""
     return suspension()
 
 
 def main() -> SuspensionResult:
-    """Return what the suspension is worth."""
+    """Evaluate the suspension."""
     return design().evaluate()
 
 

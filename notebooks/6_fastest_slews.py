@@ -56,7 +56,7 @@ plt.show()
 #
 # **Question:** what is the residual vibration of simpler torques? `compare_slews` simulates them on the same beam:
 # bang-bang of the rigid body, smooth torques, and input shapers (ZV, ZVD, EI), which repeat a command half a period
-# later so that the two vibrations cancel. It also makes the beam ten per cent softer or stiffer.
+# later so that the two vibrations cancel. It also makes the frequencies 10 % lower or higher.
 
 # %%
 comparison = compare_slews(h, quarter, limit, {"minimum time": fastest})
@@ -71,7 +71,7 @@ plt.show()
 
 # %% [markdown]
 # **Result:** the residual vibration of the rigid body's bang-bang torque is 3.63 m. With a shaper (ZV) it is 0.0673
-# m, in 3.882 s, and for the minimum-time slew it is zero. But if the beam is 10 % softer or stiffer, the minimum-time
+# m, in 3.882 s, and for the minimum-time slew it is zero. With frequencies 10 % lower or higher, the minimum-time
 # slew leaves 1.661 or 1.232 m; ZV leaves 0.750 or 0.410 m, and ZVD 0.102 or 0.054 m.
 #
 # **Conclusion:** faster slews are more sensitive to model errors. If the frequencies are not known within a few

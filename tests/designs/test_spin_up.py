@@ -10,7 +10,7 @@ from designs import scheduled_spin_up
 from designs.scheduled_spin_up import FIXED, OPEN, SCHEDULED
 
 _PAGE = Path(__file__).parents[2] / "docs" / "reference" / "designs.md"
-_WAYS = {"scheduled": SCHEDULED, "LQG for zero speed": FIXED, "open loop": OPEN}
+_WAYS = {"scheduled": SCHEDULED, "LQG at zero speed": FIXED, "open loop": OPEN}
 _MASSES = {"0": 0.0, "0.1 kg": 0.1}
 
 
