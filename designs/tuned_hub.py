@@ -1,6 +1,6 @@
 """PD controller with notch at the hub, tuned for tip masses of 0, 0.1 and 0.2 kg, compared with LQG designed for 0.1 kg.
 
-Both measure only the hub encoder. The objective is rejection of a disturbance torque at hub and tip; the constraint is the
+Both measure only the hub encoder. The objective is the gain from disturbance torque to hub and tip; the constraint limits the
 gain from encoder noise to torque. The LQG controller has the order of the plant; under the same constraint it is not better
 for 0.1 kg, and much worse at the ends of the range.
 """

@@ -118,8 +118,8 @@ def fit(
         Weight of each value, proportional to 1 / standard deviation of its error; the same for all data sets.  By default
         from the standard deviations of :func:`boomctl.estimate_frequency_response`, otherwise 1; 0 excludes a value.
         With relative errors, values of such a response with a standard deviation above 20 % (low coherence) are excluded
-        by default, because their logarithms are biased.  That may exclude deep antiresonances: fit parameters that only
-        these determine with ``error_model="absolute"``.
+        by default, because their logarithms are biased.  That may exclude deep antiresonances: use
+        ``error_model="absolute"`` for parameters that only these determine.
     error_model : "relative" or "absolute"
         "relative": the errors are relative to the values (differences of logarithms, also of complex values). "absolute":
         they are in the unit of the values.
@@ -191,7 +191,9 @@ def fit(
     except KeyError as error:
         raise ValueError(f"model: parameter {error} is missing; add it to `initial`") from error
     if not np.isfinite(measured.residuals(initial_fit)).all():
-        raise ValueError("model: expected finite values above zero at the start; of absolute errors zeros will do")
+        raise ValueError(
+            "model: expected finite values above zero at the start; zeros are allowed with error_model='absolute'"
+        )
     with computing("fit", progress):
         clock = Deadline()
         candidates = _search(problem, count, seed)

@@ -181,7 +181,7 @@ class IdentificationResult:
     ) -> Family:
         """Return the structures over a box that holds all frequencies and dampings at once with a probability.
 
-        How much inputs and outputs have of a mode stays as identified.
+        The input and output vectors of the modes are kept as identified.
 
         Parameters
         ----------
@@ -203,7 +203,7 @@ class IdentificationResult:
         Raises
         ------
         TypeError, ValueError
-            Intervals that are open or without width.
+            If an interval is unbounded or has zero width.
 
         Warns
         -----
@@ -343,8 +343,8 @@ def identify(
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
         Samples, one row per sample; several records as a list. Inputs must be measured. For a free decay, pass an
         impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or
-        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; for a result
-        of `estimate_frequency_response`, its record is fitted in its band, without separate validation data.
+        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; the record of an
+        aperiodic `estimate_frequency_response` is fitted over the estimate's frequencies, without separate validation data.
     sample_time : float
         Time between samples [s].
     modes : int, optional
@@ -367,7 +367,7 @@ def identify(
         Confidence of the intervals, between 0.5 and 1.
     error_model : "relative" or "absolute", optional
         Errors of a measured frequency response: proportional to its magnitude, or constant; by default the more likely one.
-        Must be None if errors come from the scatter of periods or repeated frequencies.
+        Must be None if the response has standard deviations or repeated frequencies.
 
     Returns
     -------
@@ -397,7 +397,7 @@ def identify(
     Integrators, up to two real poles, and pairs of poles outside the band are added only if this error falls.
 
     The fit on the validation data is computed by simulation of the exported system with the inputs alone, from
-    one initial state.  Then the model is fitted to the full record.
+    an estimated initial state.  Then the model is fitted to the full record.
 
     Confidence intervals come from a jackknife over blocks with equal information, so that they also hold for colored
     errors.  Prediction intervals come from a jackknife over four long parts of the record or over several records: they

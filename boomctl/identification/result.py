@@ -146,8 +146,8 @@ class FitResult(Summarized):
         Raises
         ------
         TypeError, ValueError
-            A parameter that the measurements do not bound, or without width; a function that makes something else, or no
-            polynomial of the parameters.
+            If the measurements do not bound a parameter, or its interval has zero width; or if the model is not a
+            `SecondOrderModel` or hub-beam, or not polynomial in the parameters.
 
         Examples
         --------

@@ -69,8 +69,8 @@ def reduce(
         The stable part of a discrete system is reduced after a bilinear transformation, which preserves
         norms and Hankel singular values.
     order : int, optional
-        Number of states, retained states included.  The result has fewer, with a warning, if the other Hankel
-        singular values are at rounding level, or "modal" would separate a pair of poles.
+        Number of states, retained states included.  The result has fewer, with a warning, if all further Hankel
+        singular values are at rounding level, or "modal" would split a complex pair.
     method : "balanced", "singular-perturbation", "hankel", "modal" or "second-order"
         Method of reduction:
 
@@ -81,8 +81,8 @@ def reduce(
         - "second-order": dominant undamped modes of a structure, with static correction for the others; returns a
           structure of even order, without an a priori bound (``inf``).
     max_error : float, optional
-        Instead of ``order``: largest absolute verified error; the lowest such order is selected.  If there is none, the
-        system itself is returned, with an error of zero.
+        Instead of ``order``: limit on the verified absolute error; the lowest order that meets it is selected.  If there is
+        none, the system itself is returned, with an error of zero.
     omega_range : (float, float), optional
         Frequency range [rad/s] in which the reduced system is accurate, ascending.  The verified error is then the
         largest error in this range; the bound still holds at all frequencies.  If None, all frequencies.  Must be None for
@@ -185,7 +185,7 @@ def _checked_request(
             " 'singular-perturbation'."
         )
     if (order is None) == (max_error is None):
-        raise ValueError("order, error: expected exactly one of them")
+        raise ValueError("order, max_error: expected exactly one of them")
     if order is not None and whole("order", order, 0) > size:
         raise ValueError(f"order = {order}: the system has only {size} states")
     if method == "second-order" and not isinstance(system, SecondOrderModel):

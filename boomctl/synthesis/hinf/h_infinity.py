@@ -136,7 +136,7 @@ def h_infinity(
         Generalized plant: the last ``nmeas`` outputs are measured, the last ``ncon`` inputs are controls, see
         `generalized_plant`. If it, or the plant passed to `generalized_plant`, is a result of `reduce`, the design is
         also evaluated on the full plant: ``certificate.full_plant``. For a discrete plant the controller is designed for
-        its bilinear transform, which has the same loops and norms. Controller and loop are mapped back
+        its bilinear transform, which has the same closed-loop norms. Controller and loop are mapped back
         and verified on the unit circle.
     nmeas, ncon : int, optional
         Numbers of measurements and controls. If None, they are determined from the labels that `generalized_plant` and
@@ -148,7 +148,7 @@ def h_infinity(
     fastest_pole : float, optional
         Largest magnitude of the controller's poles [rad/s]. If None, 1,000 times the fastest pole of the plant and
         of its H2-optimal state feedback and filter; this limit is dropped if the norm would exceed
-        twice the lower bound, as the certificate then states. Not for a discrete plant.
+        twice the lower bound, as the certificate then states. Must be None for a discrete plant.
     time_limit : float, default: 60
         Time limit [s].
     progress : callable, optional
@@ -167,8 +167,8 @@ def h_infinity(
         If the sampling time of `P` is unspecified or it has a pole at ``z = -1``, if an entry is not finite, or if a
         count or a number is out of range.
     SynthesisError
-        If an assumption fails, with the signal or mode; if ``gamma`` is below the lower bound for all controllers; if
-        no controller passes verification; or if the time limit is exceeded.
+        If an assumption fails (the message names the signal or mode); if ``gamma`` is below the lower bound for all
+        controllers; if no controller passes verification; or if the time limit is exceeded.
 
     Warns
     -----
