@@ -336,15 +336,15 @@ def identify(
     confidence_level: float = 0.95,
     error_model: str | None = None,
 ) -> IdentificationResult:
-    """Identify the modes of a structure from a record, and a model with them.
+    """Identify the modes and a model of a structure from a record.
 
     Parameters
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
         Samples, one row per sample; several records as a list. Inputs must be measured. For a free decay, pass an
         impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or
-        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; the record of an
-        aperiodic `estimate_frequency_response` is fitted over the estimate's frequencies, without separate validation data.
+        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; for an aperiodic
+        `estimate_frequency_response` its record is fitted, over the same frequencies, without validation data.
     sample_time : float
         Time between samples [s].
     modes : int, optional
