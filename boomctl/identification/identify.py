@@ -342,9 +342,10 @@ def identify(
     ----------
     inputs, outputs : (N, m) array_like, mapping of names to (N,) array_like, or a sequence of such
         Samples, one row per sample; several records as a list. Inputs must be measured. For a free decay, pass an
-        impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or
-        FrequencyResponseData, or the result of `read_frequency_response`, as `inputs` alone; for an aperiodic
-        `estimate_frequency_response` its record is fitted, over the same frequencies, without validation data.
+        impulse at the release as input: frequencies, damping ratios and shapes are then valid, gains are not. Or,
+        as `inputs` alone, FrequencyResponseData or the result of `read_frequency_response`; if
+        `estimate_frequency_response` made it from an aperiodic record, that record is fitted over the same frequencies,
+        without validation data.
     sample_time : float
         Time between samples [s].
     modes : int, optional

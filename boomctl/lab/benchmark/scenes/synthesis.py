@@ -165,7 +165,7 @@ def tuning() -> Scene:
 
     call = "bc.tune(P, ny, nu, bc.tunable.gain(), n_starts={})"
     return Scene(
-        title="Norm-optimal static gain, of two plants in turn",
+        title="Norm-optimal static gain, alternating two plants",
         question="From two published plants (COMPleib 1.1, HE1 and REA2) to a gain for each.",
         measure=f"Norm of the loop over the least that twenty starts find, less one, the larger; at least {ROOT:.0e}.",
         problem=published_plants,
