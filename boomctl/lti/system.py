@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
     Controller: TypeAlias = control.StateSpace | control.TransferFunction | Design
 
-BATCH = 2**16  # Number of entries of the matrices of one batch; they fit into the cache.
+BATCH = 2**16  # Number of entries of the pencils that are solved at once; they fit into the cache.
 # Range of the largest matrix entry in which products of entries, and times of the poles, are finite.
 _SIZES = (1e-250, 1e100)
 _TIMES = (1e-30, 1e30)  # Range of sampling times [s] in which rates and frequencies are finite.

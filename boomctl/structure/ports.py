@@ -20,9 +20,8 @@ from boomctl.checks import names
 from boomctl.printing import compact
 from boomctl.units import half_unit
 
-FILTER_DAMPING = float(
-    np.sqrt(0.5)
-)  # Damping ratio of Butterworth filters of order 2: a gain of 1/sqrt(2) at the corner.
+# Damping ratio of Butterworth filters of order 2: a gain of 1/sqrt(2) at the corner.
+FILTER_DAMPING = float(np.sqrt(0.5))
 
 
 def evaluate(terms: Array, s: Array) -> Array:

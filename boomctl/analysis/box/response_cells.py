@@ -21,9 +21,8 @@ from scipy import linalg
 from scipy.sparse.csgraph import connected_components
 
 from boomctl.analysis.box.polynomials import ROUNDING, Cell, expansion, monomials
-from boomctl.analysis.box.zero_exclusion import BELOW, TOP, evened
+from boomctl.analysis.box.zero_exclusion import BATCH, BELOW, TOP, evened
 from boomctl.arrays import Array, balance
-from boomctl.lti.system import BATCH
 
 if TYPE_CHECKING:
     from boomctl.analysis.box.level import LoopPart

@@ -32,9 +32,8 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
     a, b = grid[after - 1], grid[after]
     at_a, at_b = _deciding(model, np.array([a, b]), wanted)
     slope = np.zeros(count)
-    while (
-        b - a > DIGIT * b
-    ).any():  # each round halves the brackets at least: 56 rounds without secants, six with them
+    # each round halves the brackets at least: 56 rounds without secants, six with them
+    while (b - a > DIGIT * b).any():
         width = b - a
         with np.errstate(invalid="ignore", divide="ignore"):
             secant = b * (at_a - at_b) / width
