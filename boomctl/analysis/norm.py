@@ -431,24 +431,31 @@ def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
 
     ``error`` is an additional error of each entry of ``A``.
     """
+    return response_and_rounding(original, omega, error)[1]
+
+
+def response_and_rounding(original: System, omega: Array, error: float = 0.0) -> tuple[Array, float]:
+    """Return the response at frequencies, and the bound of :func:`rounding_of`; the response is NaN from a pole on."""
     system, size, worst = original.system, original.magnitudes, 0.0
-    for w in omega if len(system.A) and system.D.size else []:
+    response = np.full((*system.D.shape, len(omega)), np.nan + 0j)
+    for k, w in enumerate(omega if len(system.A) and system.D.size else []):
         pencil, point = -system.A.astype(complex), system.boundary(w)
         pencil.flat[:: len(pencil) + 1] += point
         factors, swapped, singular = lapack.zgetrf(pencil)
         if singular:
-            return inf
+            return response, inf
         acting, reading = (lapack.zgetrs(factors, swapped, X, trans=k)[0] for k, X in enumerate((system.B, system.C.T)))
         with np.errstate(invalid="ignore", over="ignore"):
+            response[:, :, k] = system.C @ acting + system.D
             states = np.abs(acting)
             left = np.abs(system.B + system.A @ acting - point * acting)
             change = DIGIT * (size.A @ states + size.B + abs(point) * states) + left + error * states.sum(axis=0)
             off = np.abs(reading).T @ change + DIGIT * (size.C @ states + size.D)
             rounding = float(off.max()) * system.D.size**0.5
         if not isfinite(rounding):
-            return inf
+            return response, inf
         worst = max(worst, rounding)
-    return worst
+    return response, worst
 
 
 def hamiltonian_matrix(system: Lti, level: float) -> Array:

@@ -11,7 +11,7 @@ from math import inf
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from boomctl.arrays import squared
+from boomctl.arrays import Array, squared
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
 from boomctl.lti.rounding import CANCELLED, EPS
@@ -105,12 +105,13 @@ def bounds(original: System) -> Bounded:
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")  # squares may overflow
-def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
+def stays_below(modes: ModalSystem, level: float, at: float, sizes: Array | None = None) -> bool:
     """Return whether the sum over stable modes stays below a level at all frequencies; False if it takes too long.
 
     The axis is cut into cells; ``at`` is near the highest resonance.  In a cell around ``m`` the sum is ``S(m) + x S'(m)``,
     whose norm is largest at one of the ends ``x = -h, h``, with an error of at most ``h^2 sum_k |R_k|/d_k^3``, where ``d_k``
-    is the distance of the pole ``k`` from the cell and ``R_k`` its residue.
+    is the distance of the pole ``k`` from the cell and ``R_k`` its residue; ``sizes`` are less than ``|R_k|`` for modes that
+    nearly cancel.
     """
     if modes.D.size > _ENTRIES * len(modes.poles):
         return False
@@ -121,6 +122,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
     slowest, fastest = 0.1 * rates.min(), 10.0 * rates.max()
     if not (size / (fastest - rates)).sum() + blas.dnrm2(D.ravel()) <= 1.0:  # above the fastest
         return False
+    bends = size if sizes is None else sizes / level
     upper = omega >= 0.0
     spread = slowest * (fastest / slowest) ** (np.arange(_SPREAD) / (_SPREAD - 1.0))
     around = omega[upper, None] + decay[upper, None] * _AROUND
@@ -135,7 +137,7 @@ def stays_below(modes: ModalSystem, level: float, at: float) -> bool:
         S, slope = terms.T @ fractions + D, h * (terms.T @ (fractions * fractions))
         distance = np.maximum(np.abs(m - poles.imag) - h, 0.0)
         square = decay[:, None] ** 2 + distance * distance
-        rest = lost + h * h * (size @ (1.0 / (square * np.sqrt(square))))
+        rest = lost + h * h * (bends @ (1.0 / (square * np.sqrt(square))))
         turned = np.abs((S.conj() * slope).sum(axis=0).imag)  # added to the squares at one end, subtracted at the other
         sides = np.sqrt(squared(S).sum(axis=0) + squared(slope).sum(axis=0) + 2.0 * turned)
         most = sides + rest

@@ -60,4 +60,4 @@ def band_integral(system: Lti, modal: ModalSystem | None, band: tuple[float, flo
         return -0.5j / np.pi * (log(1j * w * eye - A) - log(-1j * w * eye - A))
 
     inside = until(band[1]) - until(band[0])
-    return np.real(inside if modal is None else (modal.mixing * inside) @ modal.mixing.conj().T)
+    return np.real(inside) if modal is None else modal.real_form(np.diag(inside))

@@ -14,6 +14,7 @@ to within the rounding error of its entries.  Its null space is then deflated, a
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -160,19 +161,25 @@ class ModalSystem:
     @property
     def mixing(self) -> Array:
         """The unitary matrix from modal to real coordinates."""
-        J = np.eye(len(self.poles), dtype=complex)
-        first = np.flatnonzero(self.poles.imag > 0.0)
-        J[first, first], J[first, first + 1] = np.sqrt(0.5), np.sqrt(0.5)
-        J[first + 1, first], J[first + 1, first + 1] = -1j * np.sqrt(0.5), 1j * np.sqrt(0.5)
-        return J
+        return self.mixed(np.eye(len(self.poles), dtype=complex))
+
+    def mixed(self, rows: Array) -> Array:
+        """Return :attr:`mixing` times a matrix."""
+        result, first = rows.copy(), np.flatnonzero(self.poles.imag > 0.0)
+        one, other = np.sqrt(0.5) * rows[first], np.sqrt(0.5) * rows[first + 1]
+        result[first], result[first + 1] = one + other, 1j * (other - one)
+        return result
+
+    def real_form(self, matrix: Array) -> Array:
+        """Return a matrix in modal coordinates, such as a Gramian, in real ones."""
+        return np.real(self.mixed(self.mixed(matrix).conj().T)).T
 
     @property
     def blocks(self) -> Lti:
         """The same system in real coordinates, a block of two a pair; ``A`` without rounding."""
-        J, first = self.mixing, np.flatnonzero(self.poles.imag > 0.0)
-        A = np.diag(self.poles.real)
+        A, first = np.diag(self.poles.real), np.flatnonzero(self.poles.imag > 0.0)
         A[first, first + 1], A[first + 1, first] = -self.poles.imag[first], self.poles.imag[first]
-        return Lti(A, np.real(J @ self.B), np.real(self.C @ J.conj().T), self.D)
+        return Lti(A, np.real(self.mixed(self.B)), np.real(self.mixed(self.C.conj().T)).T, self.D)
 
     def response(self, omega: Array) -> Array:
         """Return the frequency response, shape (outputs, inputs, frequencies)."""
@@ -216,20 +223,28 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 def diagonalized(system: Lti) -> ModalSystem | None:
     """Return a system in modal coordinates, or None if the eigenvectors are ill-conditioned.
 
-    Each mode is scaled so that its row of ``B`` and its column of ``C`` are of equal length, which keeps Gramians accurate.
+    Modes are corrected to first order in the residuals of the eigenvalue problem, which keeps slow modes accurate beside fast
+    ones.  Each is scaled so that its row of ``B`` and its column of ``C`` are of equal length, which keeps Gramians accurate.
     """
     poles, reads, right = system.eigensystem
     if not (np.isfinite(reads).all() and np.linalg.norm(right) * np.linalg.norm(reads) <= _CONDITION * len(poles)):
         return None
-    modes, first, single = partial_fractions(system), np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
-    read, acts = np.linalg.norm(modes.C, axis=0), np.linalg.norm(modes.B, axis=1)
+    first, single = np.flatnonzero(poles.imag > 0.0), poles.imag == 0.0
+    change: Array = reads @ (system.A @ right - right * poles)
+    B, C = reads @ system.B, system.C @ right
     with np.errstate(divide="ignore", invalid="ignore"):
+        mixed = change / (poles - poles[:, None] + np.diag(np.full(len(poles), inf)))
+        near = ~(np.abs(mixed) <= ROOT)
+        near = near.any(axis=0) | near.any(axis=1)  # Poles that are nearly equal remain as they are.
+        mixed[near], mixed[:, near] = 0.0, 0.0
+        B, C = B - mixed @ B, C + C @ mixed
+        read, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
         scale = np.where((read > 0.0) & (acts > 0.0), np.sqrt(read / acts), 1.0)
-    rows: Array = modes.B * scale[:, None]
-    columns: Array = modes.C / scale
-    for item in (rows, columns.T):  # exactly in pairs
+    exact, rows, columns = poles + np.where(near, 0.0, change.diagonal()), B * scale[:, None], C / scale
+    item: Array
+    for item in (exact, rows, columns.T):  # exactly in pairs
         item[first + 1], item[single] = item[first].conj(), item[single].real
-    return ModalSystem(poles, rows, columns, system.D)
+    return ModalSystem(exact, rows, columns, system.D)
 
 
 @dataclass(frozen=True)
@@ -275,6 +290,9 @@ def without_integrators(system: Lti) -> SpectralParts:
     if one:  # Sampled small entries are sums of terms as large as the largest.
         size[:] = size.max(initial=0.0)
     while count < n:
+        values = linalg.svdvals(T[count:, count:])
+        if values[-1] > n * CANCELLED * np.linalg.norm(size[count:, count:]) + EPS * values[0] + carried:
+            break  # far from singular
         U, values, Vt = linalg.svd(T[count:, count:])
         error_bound = n * CANCELLED * ((np.abs(U).T @ size[count:, count:]) * np.abs(Vt)).sum(axis=1)
         null = values <= error_bound + EPS * values[0] + carried
@@ -287,12 +305,13 @@ def without_integrators(system: Lti) -> SpectralParts:
         T, Z, size = Q.T @ T @ Q, Z @ Q, np.abs(Q).T @ size @ np.abs(Q)
         T[count:, count : count + null.sum()] = 0.0
         count += int(null.sum())
-    sizes = np.sort(np.abs(system.poles - one))
-    moved = _SPREAD * EPS ** (1.0 / max(count, 1)) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
-    if not count or sizes[count - 1] > max(_RIGID * sizes[-1], moved):
-        none = Lti(T[:0, :0], system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
-        return SpectralParts(system, none, 0.0)
-    return SpectralParts.of(scaled, T + one * np.eye(n), Z, count)
+    if count:
+        sizes = np.sort(np.abs(system.poles - one))
+        moved = _SPREAD * EPS ** (1.0 / count) * float(np.linalg.norm(scaled.A - one * np.eye(n), 2))
+        if sizes[count - 1] <= max(_RIGID * sizes[-1], moved):
+            return SpectralParts.of(scaled, T + one * np.eye(n), Z, count)
+    none = Lti(T[:0, :0], system.B[:0], system.C[:, :0], np.zeros_like(system.D), dt=system.dt)
+    return SpectralParts(system, none, 0.0)
 
 
 def spectral_parts(system: Lti) -> SpectralParts:

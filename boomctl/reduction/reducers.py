@@ -71,9 +71,9 @@ def balance(system: Lti, modal: ModalSystem | None, retained: int = 0) -> Balanc
     if modal is None:
         P, Q = (refined_gramian(A, B).astype(float) for A, B in ((system.A, system.B), (system.A.T, system.C.T)))
     else:
-        J, sums = modal.mixing, modal.poles[:, None] + modal.poles.conj()
-        P = np.real(J @ (-(modal.B @ modal.B.conj().T) / sums) @ J.conj().T)
-        Q = np.real(J @ (-(modal.C.conj().T @ modal.C) / sums.conj()) @ J.conj().T)
+        sums = modal.poles[:, None] + modal.poles.conj()
+        P = modal.real_form(-(modal.B @ modal.B.conj().T) / sums)
+        Q = modal.real_form(-(modal.C.conj().T @ modal.C) / sums.conj())
     F, H = square_root(P), square_root(Q)
     U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
     count = int((values > MINIMAL * values.max(initial=0.0)).sum())

@@ -13,6 +13,7 @@ from boomctl.analysis.norm import (
     exact_norm,
     least_damped,
     level_norm,
+    response_and_rounding,
     rounding_of,
 )
 from boomctl.analysis.sum_over_modes import stays_below
@@ -83,10 +84,10 @@ class SystemParts:
         ends = [band[0], band[1] if band[1] < inf else 0.0]
         omega = np.unique(np.append(least_damped(image.poles, band), ends))
         system_omega = omega_of_image(omega, original.dt)
-        response = original.response(system_omega, quiet=True)
+        response, rounding = response_and_rounding(original, system_omega, parts.error_bound)
         largest = max(float(singular_values(response)[0].max()), largest_of(original.D))
         mapped = image.response(omega, quiet=True) if original.dt else response
-        rounding = rounding_of(original, system_omega, parts.error_bound) + _gap(response, mapped)
+        rounding += _gap(response, mapped)
         modal = diagonalized(image)
         lost = inf if modal is None else _gap(mapped, modal.response(omega))
         if modal is None or not lost <= _LOST * largest:
@@ -164,7 +165,7 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
         )
         peak_point = peak, at = max(largest_gain(both, respond), (largest_of(gap.D), inf))
         level = peak * (1.0 + _ABOVE)
-        if 0.0 < peak < inf and at < inf and stays_below(both, level, at):
+        if 0.0 < peak < inf and at < inf and stays_below(both, level, at, sizes_of_difference(modes, own)):
             return NormBounds(peak, level, at, IN_MODES, verified=True)
     result = level_norm(gap, respond, peak_point, above=_ABOVE, band=limits)
     if result.verified:
@@ -172,6 +173,24 @@ def error_norm(parts: SystemParts, reduced: Lti, band: Band | None) -> NormBound
     coarse = max(_COARSE * result.lower_bound, GRAMIANS * parts.largest)  # Errors below are rounding.
     looser = level_norm(gap, respond, (coarse, result.peak_omega), above=_ABOVE, band=limits)
     return replace(looser, lower_bound=result.lower_bound)
+
+
+def sizes_of_difference(full: ModalSystem, reduced: ModalSystem) -> Array:
+    """Return bounds ``c`` of the modes of a difference: their second derivatives are at most ``2 c/d^3`` at a distance ``d``.
+
+    For a mode ``R/(s - p)`` less its equivalent ``R'/(s - p')`` in the reduced system, ``c`` is at most
+    ``|R - R'| + 3 |R'| |p - p'|/d``.
+    """
+    partners, own = np.unique(np.abs(reduced.poles[:, None] - full.poles).argmin(axis=1), return_index=True)
+    residues, other = full.terms[partners], reduced.terms[own]
+    nearest = np.minimum(-full.poles.real[partners], -reduced.poles.real[own])
+    moved = np.abs(full.poles[partners] - reduced.poles[own]) / nearest
+    pair = np.linalg.norm(residues - other, axis=1) + 3.0 * np.linalg.norm(other, axis=1) * moved
+    sizes = [np.linalg.norm(modes.terms, axis=1) for modes in (full, reduced)]
+    better = pair < sizes[0][partners] + sizes[1][own]
+    for size, k in zip(sizes, (partners, own), strict=True):
+        size[k[better]] = pair[better]
+    return np.concatenate(sizes)
 
 
 def _gap(one: Array, other: Array) -> float:

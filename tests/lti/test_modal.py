@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import linalg
 
-from boomctl.lti.modal import block_diagonal, spectral_parts, split, without_integrators
+from boomctl.lti.modal import block_diagonal, diagonalized, spectral_parts, split, without_integrators
 from boomctl.lti.system import Lti
 from tests.profiles import examples
 from tests.strategies import seeds
@@ -106,3 +106,15 @@ def test_poles_that_are_one_stay_together(seed, size, condition):
     jordan = linalg.block_diag(np.diag(np.ones(size - 1), 1), np.diag([-1.0, -3.0]))
     V = linalg.qr(rng.standard_normal((len(jordan), len(jordan))))[0]
     assert max(_checked(V @ jordan @ V.T, condition)) == size
+
+
+def test_modal_coordinates_keep_slow_modes_beside_fast_ones():
+    half, omega = 2.0 ** np.array([-9, -6, 10, 11]), 2.0 ** np.array([0, 3, 21, 22])
+    modes = linalg.block_diag(*([[-a, w], [-w, -a]] for a, w in zip(half, omega, strict=True)))
+    T = np.eye(8)
+    T[4:, :4] = np.random.default_rng(0).integers(-2, 3, (4, 4))  # So small integers leave no rounding error.
+    inverse = 2.0 * np.eye(8) - T
+    system = Lti(T @ modes @ inverse, T @ np.ones((8, 1)), np.ones((1, 8)) @ inverse, np.zeros((1, 1)))
+    s = 1j * omega[:, None] + half
+    exact = (2.0 * s / (s**2 + omega**2)).sum(axis=1)
+    assert np.allclose(diagonalized(system).response(omega)[0, 0], exact, rtol=1e-12, atol=0.0)

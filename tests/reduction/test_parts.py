@@ -7,9 +7,10 @@ from hypothesis import given
 
 import boomctl as bc
 from boomctl.lti.gramians import band_integral
-from boomctl.lti.modal import diagonalized
+from boomctl.lti.modal import ModalSystem, diagonalized
 from boomctl.lti.system import of
 from boomctl.reduction.reducers import balance
+from boomctl.reduction.verify import sizes_of_difference
 from tests.reduction.test_reduce import stable_system
 from tests.strategies import seeds
 
@@ -37,6 +38,21 @@ def test_balanced_gramians_are_equal_and_diagonal(seed):
         assert gramian_residual(A, B, root) < 1e-7
         assert gramian_residual(A.T, C.T, root) < 1e-7
         assert form.values[0] == pytest.approx(control.hankel_singular_values(stable_system(seed))[0], rel=1e-6)
+
+
+@given(seeds)
+def test_sizes_bound_the_bend_of_a_difference(seed):
+    rng, full = np.random.default_rng(seed), modal_of(seed)
+    change = 10.0 ** rng.uniform(-12.0, 0.0)
+    kept = rng.random(len(full.poles)) < 0.7
+    near = ModalSystem(
+        full.poles * (1.0 + change), full.B * (1.0 + change * rng.standard_normal()), full.C, full.D
+    ).only(kept)
+    sizes = sizes_of_difference(full, near)
+    s = 1j * np.concatenate([full.poles.imag, 10.0 ** rng.uniform(-3.0, 3.0, 20)])[:, None]
+    poles, terms = np.append(full.poles, near.poles), np.concatenate([full.terms, -near.terms])
+    bend = np.linalg.norm((1.0 / (s - poles) ** 3) @ terms, axis=1)
+    assert (bend <= (1.0 / np.abs(s - poles) ** 3) @ sizes * (1.0 + 1e-9)).all()
 
 
 def test_jordan_blocks_are_balanced_without_modal_coordinates():
