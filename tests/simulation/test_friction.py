@@ -66,6 +66,33 @@ def test_the_error_of_coarse_steps_is_estimated(x0, omega, points, substeps, spe
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 3, 8])
+def test_the_error_with_impacts_is_estimated(seed):
+    """A mass that rubs on a carriage with end stops, against steps 16 times as fine."""
+    rng, mass, time = np.random.default_rng(seed), np.eye(2), np.linspace(0.0, 3.0, 241)
+    mass[1, 1] /= rng.uniform(0.5, 4.0)
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-mass @ np.diag([20.0, 5.0]), -mass @ np.diag([0.5, 0.1])]])
+    B = np.vstack([np.zeros((2, 3)), mass @ [[1.0, 0.0, -1.0], [0.0, 1.0, 1.0]]])
+    names = {"inputs": ["carriage", "mass", "rubbing"], "outputs": ["slip", "way"]}
+    plant = ct.ss(A, B, [[-1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]], 0.0, **names)
+    loads = np.sin(np.outer([3.0, rng.uniform(2.0, 9.0)], time)) * rng.uniform(2.0, 8.0, (2, 1))
+    found, fine = (
+        simulate_loop(
+            plant,
+            None,
+            time,
+            {"carriage": loads[0], "mass": loads[1]},
+            sample_time=time[1],
+            friction=CoulombFriction(1.0, force_input="rubbing", slip_output="slip", substeps=substeps),
+            end_stop={"way": (0.1, "carriage")},
+        )
+        for substeps in (4, 64)
+    )
+    assert len(found.stop_contacts) > 1
+    assert np.abs(found["slip"] - fine["slip"]).max() <= 1.5 * found.error_estimate
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "share"), [(1.4, 0.3), (0.7, 0.4), (2.0, 0.5), (0.8, 0.4)])
 def test_den_hartog_without_stops(ratio, share):
     """Source: Den Hartog (1931): largest displacement of a mass on a spring under a sine, sliding without stops."""
