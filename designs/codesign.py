@@ -109,7 +109,7 @@ def suspension(limit: float = LIMIT) -> SuspensionDesign:
     """Return the machine with both dampers and the joined controllers of jolt and yaw."""
     halves = {"jolt": tuned_jolt(limit), "yaw": tuned_yaw()}
     facts = {f"{name}: tuned": found.certificate.summary for name, found in halves.items()}
-    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
+    facts |= {f"{name}: proof in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
     chosen = {name: value for found in halves.values() for name, value in found.plant_parameters.items()}
     for name, value in chosen.items():
         facts[name] = f"{value:.4g} (Table 2: {getattr(TABLE_2, name):.4g})"

@@ -54,7 +54,7 @@ def design() -> SuspensionDesign:
         controller=controller,
         synthesis_info={
             "verified gamma": synthesis.certificate.summary,
-            "proved in ball arithmetic": bc.prove(synthesis).claim,
+            "proof in ball arithmetic": bc.prove(synthesis).claim,
             "coupling removed": f"{100 * mixed:.2g} % between jolt and yaw; verified norm without it {norm.upper_bound:.6g}",
             "reduction": f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s "
             f"at most {100 * share:.2g} % of the peak gain",

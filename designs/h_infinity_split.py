@@ -45,7 +45,7 @@ def effort_weight(w: Weights) -> control.StateSpace:
 
 
 def half_design(model, side):
-    """Design the controller of a subsystem; return the synthesis result and the reduced plant."""
+    """Design the controller of a subsystem; return the results of synthesis and reduction."""
     w, scales = WEIGHTS[side], {f"{stem}_{side}": size for stem, size in SCALES.items()}
     push, tip, stroke, acceleration = (f"{stem}_{side}" for stem in ("suspension", "tip", *MEASURED))
     reduced = bc.reduce(bc.scale_signals(model, scales), order=ORDER[side], omega_range=OMEGA_RANGE)
@@ -71,7 +71,7 @@ def design() -> SuspensionDesign:
         controllers[side] = synthesis.controller
         name = HALVES[side]
         facts[f"{name}: verified gamma"] = synthesis.certificate.summary
-        facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).claim
+        facts[f"{name}: proof in ball arithmetic"] = bc.prove(synthesis).claim
         share = reduced.error_norm / bc.sigma(reduced.full_system).peak
         facts[f"{name}: reduction"] = (
             f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of its peak gain"

@@ -67,7 +67,7 @@ def design() -> SuspensionDesign:
         controllers[side] = synthesis.controller
         name = {"sym": "jolt", "anti": "yaw"}[side]
         facts[f"{name}: minimum cost"] = f"{synthesis.cost:.4g}, from the closed loop and from the Riccati equations"
-        facts[f"{name}: proved in ball arithmetic"] = bc.prove(synthesis).claim
+        facts[f"{name}: proof in ball arithmetic"] = bc.prove(synthesis).claim
         share = reduced.error_norm / bc.sigma(reduced.full_system).peak
         facts[f"{name}: reduction"] = (
             f"to order {reduced.order}, error up to {OMEGA_RANGE[1]:g} rad/s at most {100 * share:.2g} % of its peak gain"

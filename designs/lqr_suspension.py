@@ -49,7 +49,7 @@ def design() -> SuspensionDesign:
         synthesis_info={
             "Riccati residual": f"{certificate.regulator_riccati.residual:.2g} relative",
             "return difference": f"minimum {certificate.min_return_difference:.6f} (Kalman's inequality: at least 1)",
-            "proved in ball arithmetic": bc.prove(regulator).claim,
+            "proof in ball arithmetic": bc.prove(regulator).claim,
             "slowest pole": f"{regulator.poles.real.max():.3g} rad/s",
         },
         notes=("All states are assumed to be measured without error. This design is a reference, not implementable.",),

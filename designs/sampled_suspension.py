@@ -58,7 +58,7 @@ def half_design(model, side):
     )
     facts = {
         f"{name}: verified gamma": synthesis.certificate.summary,
-        f"{name}: proved in ball arithmetic": bc.prove(synthesis).claim,
+        f"{name}: proof in ball arithmetic": bc.prove(synthesis).claim,
         f"{name}: reduced controller": f"{smaller.order} of {synthesis.controller.nstates} states, gamma {smaller.gamma:.4g}",
         f"{name}: full plant": f"stable at the samples, verified norm {mesh.lower_bound:.4g} with {sampled.nstates} states",
         f"{name}: between samples": f"L2 gain from the input of the shaping filter to weighted tip and stroke: "

@@ -103,7 +103,7 @@ def design() -> bc.studies.MachineDesign:
     best, *others = regulators()
     even = min((best, *others), key=worst)
     said = "{:.4f} m/(N m) with 0.1 kg, at most {:.4f} with 0 to 0.2 kg"
-    facts = {"PD and notch": found.certificate.summary, "proved in ball arithmetic": bc.prove(found).claim}
+    facts = {"PD and notch": found.certificate.summary, "proof in ball arithmetic": bc.prove(found).claim}
     for name, K in (("PD and notch", found.controller), ("LQG, best for 0.1 kg", best), ("LQG, best worst case", even)):
         facts[f"{name}, {K.nstates} states"] = said.format(norms(K, MASSES[1])[0], worst(K))
     return bc.studies.MachineDesign(

@@ -61,7 +61,7 @@ def design() -> SuspensionDesign:
     yaw = tuned("yaw", ("hinge_damping",), jolt.plant_parameters)
     chosen = {**jolt.plant_parameters, **yaw.plant_parameters}
     facts = {"jolt: tuned": jolt.certificate.summary, "yaw: tuned": yaw.certificate.summary}
-    facts |= {f"{n}: proved in ball arithmetic": bc.prove(x).claim for n, x in (("jolt", jolt), ("yaw", yaw))}
+    facts |= {f"{n}: proof in ball arithmetic": bc.prove(x).claim for n, x in (("jolt", jolt), ("yaw", yaw))}
     for name, value in chosen.items():
         facts[name.replace("_", " ")] = f"{value:.4g} {UNITS[name]} (Table 2: {getattr(TABLE_2, name):.4g})"
     parameters = replace(TABLE_2, **chosen)

@@ -100,7 +100,7 @@ def suspension(order: int = ORDER, force: float = FORCE) -> SuspensionDesign:
     """Tune both controllers with the given order and join them into one for the machine."""
     halves = {"jolt": tuned_jolt(order), "yaw": tuned_yaw(order, force=force)}
     facts = {f"{name}: tuned": found.certificate.summary for name, found in halves.items()}
-    facts |= {f"{name}: proved in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
+    facts |= {f"{name}: proof in ball arithmetic": bc.prove(found).claim for name, found in halves.items()}
     return SuspensionDesign(
         "tuned_suspension",
         f"Fixed-structure suspension, order {order} for each subsystem",

@@ -130,7 +130,7 @@ class AssumedModesBeam(HubBeam):
         Parameters
         ----------
         state : (n,) array_like
-            In the order of `state_names`.
+            In the order of `state_labels`.
         hub_speed : float
             Hub speed of the steady rotation [rad/s].
 

@@ -324,7 +324,7 @@ class HubBeam(ABC):
             Times at which the motion is returned, s; ascending, >= 0. The motion always starts at t = 0. By default the
             times of the slew.
         initial_state : array_like or None
-            State at t = 0 in the order of `state_names`; None is rest. If the hub's motion is prescribed, hub angle and
+            State at t = 0 in the order of `state_labels`; None is rest. If the hub's motion is prescribed, hub angle and
             speed must be equal to those of the maneuver.
         rtol, atol : float, optional
             Limit ``atol + rtol max |displacement|`` [m] on the error of the free end's displacement, and on the error of
@@ -370,7 +370,7 @@ class HubBeam(ABC):
         Returns
         -------
         ndarray
-            In the order of `state_names`; the hub angle is 0.
+            In the order of `state_labels`; the hub angle is 0.
 
         Raises
         ------
@@ -390,7 +390,7 @@ class HubBeam(ABC):
         Parameters
         ----------
         states : (k, n) array_like
-            States in the order of `state_names`; one state, or one a row.
+            States in the order of `state_labels`; one state, or one a row.
 
         Returns
         -------
@@ -481,7 +481,7 @@ class HubBeam(ABC):
         -------
         control.NonlinearIOSystem
             Input "torque" [N m]; outputs "hub_angle" [rad], "hub_speed" [rad/s], "tip_displacement" [m]; states as
-            `state_names`.
+            `state_labels`.
         """
         from boomctl.lti.python_control import control
 
@@ -680,7 +680,7 @@ class HubBeam(ABC):
         """Motion from coordinates and rates at t = 0, to rtol and atol of the free end's displacement."""
 
     def _error(self, maneuver: Maneuver, timepts: Array, start: tuple[Array, Array], motion: Motion) -> float:
-        """Estimated largest error of a motion's tip displacement, m: against the model's own equations."""
+        """Return the estimated largest error of a motion's tip displacement [m]."""
         return motion.error
 
     @abstractmethod

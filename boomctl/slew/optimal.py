@@ -13,6 +13,10 @@ Methods, in order; the stages of a result list those used:
    the start of another attempt by method 2.
 
 Beams with axial modes are planned without them, and simulated with them.
+
+From call to certificate: :func:`optimal_slew` makes a ``SlewProblem`` (``slew_problem``, ``plant_of``); ``_searched`` takes
+the torque of the first method that succeeds (``least_time``, ``least_time_arcs``, ``_least_effort``, ``refined``); ``played``
+simulates it, and ``_certified`` measures the errors (``prescribed_error``, ``violation``).
 """
 
 from __future__ import annotations
@@ -321,7 +325,7 @@ def _searched(problem: SlewProblem) -> Candidate:
     stages, result, least = (), None, None
     if problem.fastest and not problem.linear:
         first = rigid_and_slowest(problem)
-        if first is not None and first.start_values.size == problem.ends.shape[0]:  # no fewer arcs than conditions
+        if first is not None and first.start_values.size == problem.ends.shape[0]:  # as many arcs as conditions
             result, ran = least_time_arcs(problem, first)
             stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:

@@ -35,7 +35,7 @@ _COARSE = {"rtol": 1e-5, "atol": 1e-7}  # solver tolerances for other models, wh
 
 @dataclass(frozen=True)
 class Replay:
-    """Response of a model to the planned torque, by an integrator that planning does not use.
+    """Response of another model or payload to the planned torque, in addition to what is certified.
 
     Attributes
     ----------
@@ -74,7 +74,7 @@ class Replay:
 
 @dataclass(frozen=True)
 class SlewCertificate:
-    """Verified errors and optimality of a slew, computed independently of its planning.
+    """Errors of a simulation of a slew by another integrator, and the optimality that the planning method found.
 
     Attributes
     ----------

@@ -56,7 +56,7 @@ def design_path(name: str) -> Path:
 
 
 def load_design(name: "str | Path") -> "SuspensionDesign | MachineDesign | SlewDesign":
-    """Create a design that comes with boomctl, or one of your own.
+    """Create a design that comes with boomctl, or one of your own, by its function ``design()``, with all synthesis.
 
     Parameters
     ----------

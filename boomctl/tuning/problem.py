@@ -1,4 +1,4 @@
-"""Tuning problem: plants, scaled controller structure, channels and free parameters."""
+"""Tuning problem: plants, controller structure, channels and free parameters."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,4 +1,9 @@
-"""``tune``: controllers of a given structure that minimize the largest norm over all models and channels."""
+"""``tune``: controllers of a given structure that minimize the largest norm over all models and channels.
+
+From call to certificate: :func:`tune` makes the plants (``build_plants``) and the ``Problem``; ``search`` runs all starts,
+where ``Search.turn`` lowers the peaks of a ``Point`` by ``descend`` and ``Polish.run``; ``verified`` computes the norms of
+the original loops (``channel_norm``, ``matrices_norm``) and a bound for any order (``lower_bound``, ``full_order_bound``).
+"""
 
 import warnings
 from collections.abc import Mapping, Sequence

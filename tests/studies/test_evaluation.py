@@ -91,6 +91,7 @@ def test_suspension_verdict_is_verified_if_both_peaks_are(doubted):
     found = SuspensionResult(SuspensionDesign("", ""), FieldScenario(), both["passive"], both["active"], (), None, ())
     assert found.verdict.startswith("Peak, NOT verified, from" if doubted else "Verified peak from")
     assert not found.better  # than itself
+    assert not found.robust  # nothing is proved
 
 
 class _Rows(dict):

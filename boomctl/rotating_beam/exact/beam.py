@@ -124,7 +124,7 @@ class GeometricallyExactBeam(HubBeam):
         Parameters
         ----------
         states : (k, n) array_like
-            States in the order of `state_names`; one state, or one a row.
+            States in the order of `state_labels`; one state, or one a row.
 
         Returns
         -------

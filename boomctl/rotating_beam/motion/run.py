@@ -9,6 +9,10 @@ free-hub modes     a torque excites slow modes, which the fast modes follow: eac
 collocation        any equations, any maneuver, and if another method does not reach the tolerance; followed by steady
                    rotation when the hub's speed becomes constant
 =================  ==================================================================================================
+
+From call to result: ``HubBeam.simulate`` calls ``AssumedModesBeam._motion``, which makes a ``Scene`` of its ``equations``;
+:func:`motion_of` solves it by ``modal_refine`` for a prescribed motion, ``free_motion`` for a torque, or ``refine``, each
+with an estimate of its error.
 """
 
 from dataclasses import replace

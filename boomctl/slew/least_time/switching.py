@@ -3,9 +3,10 @@
 Only the linear part of a problem and its torque limit are used.
 
 The problem is convex and normal, so Pontryagin's principle is sufficient: a torque ``u = limit sign(p)``, with the
-switching function ``p(t) = costate^T exp(A (T - t)) B``, that reaches the end state takes the least time. A linear
-program on a grid gives the number of sign changes of p; Newton's method on the end conditions, ``p(t_i) = 0`` and
-``H(T) = 1`` then gives the switching times to rounding error, since matrix exponentials have no time step.
+switching function ``p(t) = costate^T exp(A (T - t)) B``, that reaches the end state takes the least time. Reweighted
+least squares on a grid, or a linear program if they fail, give the number of sign changes of p; Newton's method on the
+end conditions, ``p(t_i) = 0`` and ``H(T) = 1`` then gives the switching times to rounding error, since matrix exponentials
+have no time step.
 """
 
 import math

@@ -1,4 +1,9 @@
-"""A suspension and its evaluation: comparison with the passive boom, margins, proofs, a simulation on the field."""
+"""A suspension and its evaluation: comparison with the passive boom, margins, proofs, a simulation on the field.
+
+From command to report: ``boomctl design`` runs the ``design()`` of a file (``load_design``), which makes a
+:class:`SuspensionDesign`; its ``evaluate`` compares it with the passive boom (``evaluate_suspension``) and examines it over
+springs and masses and on the exact boom (``Examined``), one ``Finding`` a claim; ``SuspensionResult.report`` writes them.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -157,8 +162,12 @@ class SuspensionResult(Evaluation):
 
     @property
     def robust(self) -> bool:
-        """True if the loop is proved robustly stable, and is stable with the exact boom or a finer mesh."""
-        return all(item.proved is not False for item in self.findings)
+        """True if the loop is proved robustly stable, and is stable with the exact boom or a finer mesh.
+
+        False if it is not examined: with an own state-space plant, or a sampled controller of an own family.
+        """
+        claims = [item.proved for item in self.findings if item.proved is not None]
+        return bool(claims) and all(claims)
 
     def of(self, kind: type) -> dict[str, Any]:
         """Return the results of jolt and yaw, or of the full boom if it is not decoupled.

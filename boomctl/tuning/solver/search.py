@@ -96,7 +96,7 @@ class Search:
         return Point(self.problem, x, self.known, edge)
 
     def keep(self, point: Point) -> tuple[Point, bool]:
-        """Store a point if it is the best so far: first by constraint violation, then by objective.
+        """Verify the peaks of a point, and store it if it is the best so far: by constraint violation, then by objective.
 
         Return it with all its peaks, and True if these were known. New peaks come from the Hamiltonian matrix.
         """
