@@ -198,11 +198,11 @@ def design(asked: Namespace) -> Any:
     from boomctl.files import prepared_folder
     from boomctl.progress import computing
     from boomctl.studies.suspension.design import SuspensionDesign
-    from boomctl.studies.suspension.scene import FieldScenario
+    from boomctl.studies.suspension.scenario import FieldScenario
 
     given = {name: getattr(asked, name) for name in ("road_class", "speed", "seed")}
     chosen = {name: value for name, value in given.items() if value is not None}
-    scene, folder = FieldScenario(**chosen), prepared_folder(asked.out)
+    scenario, folder = FieldScenario(**chosen), prepared_folder(asked.out)
     aside = redirect_stdout(sys.stderr) if asked.json else nullcontext()  # a design may print
     with computing("design") as tell, aside:
         tell("synthesis", 0, 3)
@@ -212,7 +212,7 @@ def design(asked: Namespace) -> Any:
             wrong = ", ".join(f"--{name.removesuffix('_class')}" for name in chosen)
             raise ValueError(f"{wrong}: of suspensions only; expected none for the design {asked.name!r}")
         tell("evaluation", 1, 3)
-        result = made.evaluate(scene) if suspension else made.evaluate()
+        result = made.evaluate(scenario) if suspension else made.evaluate()
         tell("report", 2, 3)
         report = result.report()
     print(result)

@@ -68,7 +68,7 @@ def h_infinity():
 
 @functools.cache
 def tuned():
-    """Return gains tuned for two models with a budget, and a physical parameter beside them."""
+    """Return gains tuned for two models with a limit, and a physical parameter beside them."""
     parts = bc.tunable.pid(integral=False) + bc.tunable.plant_parameter("damping", 0.05, 0.5)
 
     def plant(stiffness):

@@ -6,7 +6,7 @@ from boomctl.studies.machine import MachineDesign as MachineDesign
 from boomctl.studies.slew import SlewDesign as SlewDesign
 from boomctl.studies.suspension.design import SuspensionDesign as SuspensionDesign
 from boomctl.studies.suspension.performance import evaluate_suspension as evaluate_suspension
-from boomctl.studies.suspension.scene import FieldScenario as FieldScenario
+from boomctl.studies.suspension.scenario import FieldScenario as FieldScenario
 
 from . import slew as slew
 from . import suspension as suspension

@@ -83,9 +83,9 @@ class ChannelNorm:
         return self.norm.value
 
     def __repr__(self) -> str:
-        budget = "" if self.channel.budget is None else f", budget {self.channel.budget:.6g}"
+        limit = "" if self.channel.limit is None else f", limit {self.channel.limit:.6g}"
         where = f", {self.model}" if self.model else ""
-        return f"ChannelNorm: {self.channel.text}{where}: {self.value:.6g}{budget}"
+        return f"ChannelNorm: {self.channel.text}{where}: {self.value:.6g}{limit}"
 
 
 @dataclass(frozen=True)

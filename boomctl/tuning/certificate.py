@@ -119,9 +119,9 @@ def _bound(plant: GeneralizedPlant, channel: Channel, deadline: Deadline) -> flo
     return lower
 
 
-def budget_ratio(norm: ChannelNorm) -> float:
-    """Return a norm over its budget, if any."""
-    return norm.value / (norm.channel.budget or 1.0)
+def limit_ratio(norm: ChannelNorm) -> float:
+    """Return a norm over its limit, if any."""
+    return norm.value / (norm.channel.limit or 1.0)
 
 
 def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...]) -> TuneResult:
@@ -130,7 +130,7 @@ def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...
     Raises
     ------
     SynthesisError
-        If it cannot be verified, or exceeds a budget or a bound.
+        If it cannot be verified, or exceeds a limit or a bound.
     """
     problem, x, labels = search.problem, search.design, search.problem.plants.labels
     tell("verifying")
@@ -142,8 +142,8 @@ def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...
         for i, (label, plant, loop) in enumerate(zip(labels, plants, loops, strict=True))
         for channel in problem.channels
     ]
-    aims = [item for item in norms if problem.budgets_alone or item[1].channel.budget is None]
-    largest, top = max(aims, key=lambda pair: budget_ratio(pair[1]))
+    aims = [item for item in norms if problem.constraints_alone or item[1].channel.limit is None]
+    largest, top = max(aims, key=lambda pair: limit_ratio(pair[1]))
     point = Point(problem, x, search.known)
     used_up = _used_up(problem, x, _bounds(problem, K, loops), [item for _, item in norms])
     if problem.plants.physical:
@@ -163,14 +163,14 @@ def verified(search: Search, worst: "ChannelNorm | None", stages: tuple[str, ...
         lower_bound_source=reason,
         fastest_pole=float(np.abs(K.poles).max(initial=0.0)),
         active_peaks=tuple(
-            ActivePeak(labels[p.model], c := problem.channels[p.channel], p.omega, exp(p.value) * (c.budget or 1.0))
+            ActivePeak(labels[p.model], c := problem.channels[p.channel], p.omega, exp(p.value) * (c.limit or 1.0))
             for p in tops
         ),
         stationarity=stationarity(near, point, problem.low, problem.high),
         active_constraints=used_up,
         stages=stages,
         summary="",
-        worst_case=None if worst is None else max((worst, top), key=budget_ratio),
+        worst_case=None if worst is None else max((worst, top), key=limit_ratio),
     )
     slowest = problem.ports.slowest
     edges = [note for plant, loop in zip(plants, loops, strict=True) if (note := edge_of(plant, loop, slowest))]
@@ -222,16 +222,16 @@ def _used_up(
             raise SynthesisError(f"no controller found satisfies {text}: it reaches {value:.6g}")
         result += [text] if excess > -_ACTIVE else []
     for norm in norms:
-        if norm.channel.budget is None:
+        if norm.channel.limit is None:
             continue
-        if budget_ratio(norm) > 1.0 + CERTIFIED:
+        if limit_ratio(norm) > 1.0 + CERTIFIED:
             none = "no controller found meets its limit"
-            what = "no controller found meets all limits" if problem.budgets_alone else none
+            what = "no controller found meets all limits" if problem.constraints_alone else none
             where = f", {norm.model}" if norm.model else ""
-            value = f"is {norm.value:.6g}, limit {norm.channel.budget:.6g}"
+            value = f"is {norm.value:.6g}, limit {norm.channel.limit:.6g}"
             raise SynthesisError(f"{what}: {norm.channel.text}{where} {value}")
-        if budget_ratio(norm) > 1.0 - _ACTIVE and not problem.budgets_alone:
-            result.append(f"budget of the {norm.channel.text}")
+        if limit_ratio(norm) > 1.0 - _ACTIVE and not problem.constraints_alone:
+            result.append(f"limit of the {norm.channel.text}")
     return tuple(dict.fromkeys(result))
 
 

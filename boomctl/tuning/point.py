@@ -1,6 +1,6 @@
 """Functions of the search at one point: values and gradients of peaks, H2 norms and bounds on poles and gains.
 
-Norms are logarithms, over their budget if any, so that units do not matter.  An active function is a lower bound of a norm
+Norms are logarithms, over their limit if any, so that units do not matter.  An active function is a lower bound of a norm
 or bound, equal to it at the point: one singular value at one frequency, or one pole.  Derivatives by the parameters of
 controller and plant follow from the chain rule.
 """
@@ -37,7 +37,7 @@ class Height(NamedTuple):
     omega : float
         Frequency [rad/s], possibly infinite; nan for an H2 norm.
     value : float
-        Logarithm of a norm, over its budget if any; or a bound, at most zero if it is satisfied.
+        Logarithm of a norm, over its limit if any; or a bound, at most zero if it is satisfied.
     pole : complex
         The pole of a bound on poles.
     """
@@ -250,7 +250,7 @@ class Point:
         return [Height(i, c, np.nan, self._scaled(c, self.h2(i, c)[0])) for i, c in pairs]
 
     def _scaled(self, channel: int, value: float) -> float:
-        """Return the logarithm of a norm, over its budget."""
+        """Return the logarithm of a norm, over its limit."""
         return log(max(value, _TINY)) - self.problem.offset(channel)
 
     def _peak(self, pair: tuple[int, int]) -> Height:
@@ -311,7 +311,7 @@ class Point:
     def active_functions(
         self, window: float, requested: "set[tuple[int, int, float]] | None" = None, between: float = 0.0
     ) -> list[ActiveFunction]:
-        """Return the active functions within a relative window of the highest objective, or of budgets.
+        """Return the active functions within a relative window of the highest objective, or of constraints.
 
         These are peaks, requested frequencies, and frequencies of the grid within the fraction ``between``.
         """
@@ -346,7 +346,7 @@ class Point:
         return at[near].tolist(), values[near].tolist()
 
     def _level(self, channel: int) -> float:
-        """Return the level of a channel as a logarithm of its norm: the highest objective, or the budget."""
+        """Return the level of a channel as a logarithm of its norm: the highest objective, or the limit."""
         return self.problem.offset(channel) + (0.0 if self.problem.is_limit(channel) else self.aim)
 
     def _singular(self, pair: tuple[int, int], wanted: list[tuple[float, float]]) -> list[ActiveFunction]:

@@ -104,17 +104,17 @@ class Problem:
         return self.matrix.shape[0] - len(self.ports.controls)
 
     def offset(self, channel: int) -> float:
-        """Return the logarithm of the unit of a norm: its limit or budget, or 1."""
-        return log((self.limits[channel] if channel < 0 else self.channels[channel].budget) or 1.0)
+        """Return the logarithm of the unit of a norm: its limit, or 1."""
+        return log((self.limits[channel] if channel < 0 else self.channels[channel].limit) or 1.0)
 
     @cached_property
-    def budgets_alone(self) -> bool:
-        """True if all channels have budgets: then the largest ratio of a norm to its budget is minimized."""
-        return all(item.budget is not None for item in self.channels)
+    def constraints_alone(self) -> bool:
+        """True if all channels have limits: then the largest ratio of a norm to its limit is minimized."""
+        return all(item.limit is not None for item in self.channels)
 
     def is_limit(self, channel: int) -> bool:
-        """Return True for a constraint: a bound, or a norm with a budget next to objectives."""
-        return channel < 0 or (self.channels[channel].budget is not None and not self.budgets_alone)
+        """Return True for a constraint: a bound, or a norm with a limit next to objectives."""
+        return channel < 0 or (self.channels[channel].limit is not None and not self.constraints_alone)
 
     def values(self, x: Array) -> dict[str, float]:
         """Return the free parameters in the user's units."""

@@ -25,7 +25,7 @@ from boomctl.synthesis.certificate import ChannelNorm
 from boomctl.synthesis.plants.channels import Channel, objective
 from boomctl.threads import one_blas_thread
 from boomctl.tunable.structures import ControllerForm, Physical, terms
-from boomctl.tuning.certificate import budget_ratio, channel_norm, loop_of, verified
+from boomctl.tuning.certificate import channel_norm, limit_ratio, loop_of, verified
 from boomctl.tuning.initial import initial_numbers
 from boomctl.tuning.plants import FamilyPlants, build_plants
 from boomctl.tuning.problem import BOUNDS, DAMPING, GAIN_LIMIT, Problem
@@ -300,7 +300,7 @@ def _worst(over: FamilyPlants, result: Search) -> tuple[float, Array, ChannelNor
     """Return the relative excess of a family's worst point over the tuned ones, that point, and its largest objective."""
     problem, size = result.problem, len(over.uncertain)
     K, values = problem.lti(result.design), problem.physical_values(result.design)
-    aims = [item for item in problem.channels if problem.budgets_alone or item.budget is None]
+    aims = [item for item in problem.channels if problem.constraints_alone or item.limit is None]
 
     def norms(point: Array) -> list[tuple[float, ChannelNorm]]:
         plant = over.plant(values, point)
@@ -311,11 +311,11 @@ def _worst(over: FamilyPlants, result: Search) -> tuple[float, Array, ChannelNor
             return [(inf, ChannelNorm(over.model(point).label, item, bad)) for item in problem.channels]
         there = [ChannelNorm(over.model(point).label, c, channel_norm(loop, plant, K, c)) for c in problem.channels]
         return [
-            (budget_ratio(item) / (exp(result.value) if item.channel in aims else 1.0) - 1.0, item) for item in there
+            (limit_ratio(item) / (exp(result.value) if item.channel in aims else 1.0) - 1.0, item) for item in there
         ]
 
     def of_aims(point: Array) -> tuple[float, ChannelNorm]:
-        """Return the largest objective, excluding budgets."""
+        """Return the largest objective, excluding constraints."""
         return max((item for item in norms(point) if item[1].channel in aims), key=lambda pair: pair[0])
 
     point, most, _ = pattern_search(lambda d: max(item[0] for item in norms(d)), size)

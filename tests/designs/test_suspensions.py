@@ -14,12 +14,12 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.studies.catalogue import load_design as loaded
 from boomctl.studies.suspension import CONTROLS, STROKES, FieldScenario, evaluate_suspension, suspension_model
-from boomctl.studies.suspension.assurance import Examined
-from boomctl.studies.suspension.scene import FAMILY_ELEMENTS
+from boomctl.studies.suspension.scenario import FAMILY_ELEMENTS
+from boomctl.studies.suspension.verification import SuspensionVerification
 
 pytestmark = pytest.mark.early
 
-SCENE = FieldScenario(duration=30.0, warmup_time=20.0)
+SCENARIO = FieldScenario(duration=30.0, warmup_time=20.0)
 PEAKS = {
     "passive_tuning": 9.86,
     "lqr_suspension": 3.37,
@@ -57,7 +57,7 @@ load_design = cache(loaded)
 
 @cache
 def evaluated(name):
-    return load_design(name).evaluate(SCENE)
+    return load_design(name).evaluate(SCENARIO)
 
 
 @pytest.fixture(params=[pytest.param(name, marks=pytest.mark.slow) for name in sorted(PEAKS)])
@@ -72,7 +72,7 @@ def test_certified_peak_is_that_of_readme_and_better(result):
     assert peak == pytest.approx(PEAKS[result.design.name], rel=5e-3)
     assert max(result.active.jolt.lower_bound, result.active.yaw.lower_bound) == pytest.approx(peak, rel=1e-4)
     assert result.yaw_reduction_db > 40.0
-    assert result.active.stroke < SCENE.end_stop
+    assert result.active.stroke < SCENARIO.end_stop
 
 
 def test_suspensions_are_proved_stable_over_box(result):
@@ -149,7 +149,7 @@ def test_codesign_meets_its_goals():
 def test_tuned_passive_is_better_over_box():
     """Than those tuned for Table 2, whose dampers go with softer and stiffer springs less well; both bounds are proved."""
     result = evaluated("tuned_passive")
-    other = Examined(load_design("passive_tuning").parameters, None, SCENE).over_the_box()
+    other = SuspensionVerification(load_design("passive_tuning").parameters, None, SCENARIO).over_the_box()
     bounds = [
         max(each.value.upper_bound for each in findings if isinstance(each.value, WorstCase))
         for findings in (result.findings, other)
@@ -176,7 +176,7 @@ def test_sampled_suspension_has_numbers_of_page():
     slow = control.ss(slow.A, slow.B, slow.C, slow.D, 0.02, **names)
     _, yaw, _ = bc.synthesis.split_controller(suspension_model(), slow)
     half = bc.boom_family(
-        subsystem="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=SCENE.accelerometer_bandwidth_hz
+        subsystem="yaw", elements=FAMILY_ELEMENTS, accelerometer_bandwidth_hz=SCENARIO.accelerometer_bandwidth_hz
     )
     found = bc.worst_case(half, yaw, ["actuator_anti"], ["tip_anti"], delay=0.01)
     assert found.worst_norm.lower_bound == pytest.approx(79.9, rel=5e-3)
@@ -185,8 +185,8 @@ def test_sampled_suspension_has_numbers_of_page():
 def test_performance_discrete_controller_uses_its_sampling_time():
     names = {"inputs": list(STROKES), "outputs": list(CONTROLS)}
     damper = control.ss(0.5 * np.eye(2), np.eye(2), 500.0 * np.eye(2), -1000.0 * np.eye(2), 0.02, **names)
-    scene = FieldScenario(duration=1.0, warmup_time=0.2, elements=6)
-    found = evaluate_suspension("slow damper", scene, BoomParameters(), damper, delay=0.013)
+    scenario = FieldScenario(duration=1.0, warmup_time=0.2, elements=6)
+    found = evaluate_suspension("slow damper", scenario, BoomParameters(), damper, delay=0.013)
     assert (found.run.sample_time, found.run.delay) == (0.02, 0.013)
     loop = bc.feedback_loop(suspension_model(elements=6, nozzles=True), damper, delay=0.013)
     between = bc.synthesis.select_channels(loop, list(ACTUATORS), list(TIPS))
@@ -201,7 +201,7 @@ def test_suspension_controller_files_have_its_limits():
     files = evaluated("sampled_suspension").controller_files()
     assert {"controller.json", "controller.mat", "controller.m", "controller.c"} <= set(files)
     assert (
-        f"FORCE[CONTROLLER_CONTROLS] = {{R({SCENE.control_limit.hex()}), R({SCENE.control_limit.hex()})}}"
+        f"FORCE[CONTROLLER_CONTROLS] = {{R({SCENARIO.control_limit.hex()}), R({SCENARIO.control_limit.hex()})}}"
         in files["controller.c"]
     )
     assert not evaluated("passive_tuning").controller_files()

@@ -22,8 +22,8 @@ from boomctl.studies.suspension import (
     FieldScenario,
     SuspensionDesign,
     SuspensionResult,
-    assurance,
     evaluate_suspension,
+    verification,
 )
 
 SPRUNG = SecondOrderModel([[1.0]], [[0.02]], [[4.0]], {"force": [1.0], "wind": [1.0]}, {"position": [1.0]})
@@ -74,7 +74,7 @@ def test_peak_and_margins_without_certificate_say_so():
     doubted = replace(
         true, loops=tuple(replace(loop, disk_margin=replace(loop.disk_margin, verified=False)) for loop in true.loops)
     )
-    found = [assurance.margins_finding(each) for each in (true, doubted)]
+    found = [verification.margins_finding(each) for each in (true, doubted)]
     assert [each.proved for each in found] == [True, None]
     assert [each.text.rpartition("(")[2] for each in found] == ["verified)", "NOT verified)"]
 
@@ -106,10 +106,10 @@ def test_slew_verdict_has_ratio_of_durations():
 
 
 def test_field_scene_ends_where_ground_ends():
-    scene = FieldScenario(duration=4000.0)
-    longest = (GROUND_LENGTH - scene.tractor.wheelbase - 1.0) / scene.speed  # a meter beyond the front wheels
+    scenario = FieldScenario(duration=4000.0)
+    longest = (GROUND_LENGTH - scenario.tractor.wheelbase - 1.0) / scenario.speed  # a meter beyond the front wheels
     with pytest.raises(ValueError, match=r"expected at most .* s together at speed = 3 m/s") as raised:
-        scene.motion()
+        scenario.motion()
     assert float(str(raised.value).split("at most ")[1].split()[0]) == pytest.approx(longest, abs=0.1)
 
 
@@ -123,19 +123,22 @@ def families(monkeypatch):
         return SimpleNamespace(summary="", method="", proved=True, upper_bound=1.0)
 
     for name in ("robust_stability", "worst_case"):
-        monkeypatch.setattr(assurance, name, proved)
+        monkeypatch.setattr(verification, name, proved)
     return found
 
 
 def test_suspension_families_span_springs_and_masses(families):
-    found = list(assurance.Examined(bc.BoomParameters(), None, FieldScenario(elements=4)).over_the_box())
+    found = list(
+        verification.SuspensionVerification(bc.BoomParameters(), None, FieldScenario(elements=4)).over_the_box()
+    )
     assert [each.name.partition(":")[0] for each in found] == ["jolt", "jolt", "yaw", "yaw"]
     assert all(family.ranges == {"spring_factor": SPRING, "mass_factor": MASS} for family in families)
     assert families[0].names == families[3].names == ("spring_factor", "mass_factor")
 
 
 def test_measured_yaw_family_ends_at_measured_frequency(families):
-    assurance.Examined(bc.BoomParameters(hinge_damping=500.0), None, FieldScenario()).at_the_measured_yaw(None)
+    parameters = bc.BoomParameters(hinge_damping=500.0)
+    verification.SuspensionVerification(parameters, None, FieldScenario()).at_the_measured_yaw(None)
     booms = (bc.spray_boom(spring_stiffness=each, elements=6) for each in families[0].ranges["spring_stiffness"])
     yaw_hz = [bc.split_symmetric(boom)[1].eigenfrequencies_hz(1)[0] for boom in booms]
-    assert yaw_hz == pytest.approx([0.245, assurance.MEASURED_YAW_HZ], abs=1e-4)
+    assert yaw_hz == pytest.approx([0.245, verification.MEASURED_YAW_HZ], abs=1e-4)

@@ -8,7 +8,7 @@ from boomctl.analysis.sigma import sigma
 from boomctl.boom.parameters import BoomParameters
 from boomctl.plotting.suspension import draw_suspension_sigma
 from boomctl.studies.suspension.performance import _FREQUENCIES, InField, _loop_sigma, evaluate_suspension
-from boomctl.studies.suspension.scene import CONTROLS, STROKES, FieldScenario, suspension_model
+from boomctl.studies.suspension.scenario import CONTROLS, STROKES, FieldScenario, suspension_model
 
 
 def test_loop_curve_includes_peak():
@@ -29,13 +29,13 @@ def test_plot_of_infinite_peak():
 
 
 def test_force_rate_independent_of_sampling():
-    scene = FieldScenario(warmup_time=1.0, duration=4.0, elements=4)
+    scenario = FieldScenario(warmup_time=1.0, duration=4.0, elements=4)
     gain, rates = np.eye(2), []
     for step in (0.002, 0.0005):  # the second one four times in each step of the track's motion
         left = np.exp(-30.0 * step)
         damper = control.ss(left * gain, gain, 900.0 * (1.0 - left) * gain, -900.0 * gain, step)
         damper.input_labels, damper.output_labels = list(STROKES), list(CONTROLS)
-        found = evaluate_suspension("damper", scene, BoomParameters(), damper)
+        found = evaluate_suspension("damper", scenario, BoomParameters(), damper)
         rates.append(found.force_rate)
         late = [found.run.controls[name][found.run.time >= 1.0] for name in CONTROLS]
         assert found.force_rate == pytest.approx(abs(np.diff(late)).max() / 0.002)

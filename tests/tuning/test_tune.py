@@ -1,4 +1,4 @@
-"""Controllers of a given structure: exact optima, gradients, several models, budgets, physical parameters, families."""
+"""Controllers of a given structure: exact optima, gradients, several models, limits, physical parameters, families."""
 
 import signal
 import threading
@@ -179,7 +179,7 @@ def test_loops_side_by_side_read_and_set_nothing_else():
     assert (response[[0, 0, 1], [0, 1, 0]] != 0.0).all()
 
 
-# -- several models, budgets, bounds ----------------------------------------------------------------------------------
+# -- several models, limits, bounds ----------------------------------------------------------------------------------
 
 
 @pytest.mark.slow
@@ -203,17 +203,17 @@ def _norm_of_lag(pole, k):
     return max(np.linalg.norm(at_zero, 2), abs(0.1 * k))
 
 
-def test_a_budget_is_kept_and_said_to_be_used_up():
+def test_a_limit_is_kept_and_said_to_be_used_up():
     """``|k|/(1 - k)`` at most 0.25 means ``k >= -1/3``, and the objective ``1/(1 - k)`` is 0.75."""
     P = lag(noise=0.0)
     channels = [T.objective("w", "z"), T.constraint("w", "zu", 0.25)]
     found = bc.tune(P, 1, 1, T.gain(), channels=channels, n_starts=2)
     assert found.gamma == pytest.approx(0.75, rel=1e-5)
-    assert any("budget" in said for said in found.certificate.active_constraints)
+    assert any("limit" in said for said in found.certificate.active_constraints)
     assert found.certificate.channel_norms[1].value <= 0.25 * (1.0 + 1e-5)
 
 
-def test_h2_budgets_go_with_h_infinity_objectives():
+def test_h2_limits_go_with_h_infinity_objectives():
     """The square of the H2 norm of the effort is ``k^2/(2 (1 - k))``: at ``k = -1`` it is 1/4."""
     channels = [T.objective("w", "z"), T.constraint("w", "zu", 0.5, norm="h2")]
     found = bc.tune(lag(noise=0.0), 1, 1, T.gain(), channels=channels, n_starts=2)

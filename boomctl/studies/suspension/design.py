@@ -2,7 +2,8 @@
 
 From command to report: ``boomctl design`` runs the ``design()`` of a file (``load_design``), which makes a
 :class:`SuspensionDesign`; its ``evaluate`` compares it with the passive boom (``evaluate_suspension``) and examines it over
-springs and masses and on the exact boom (``Examined``), one ``Finding`` a claim; ``SuspensionResult.report`` writes them.
+springs and masses and on the exact boom (``SuspensionVerification``), one ``Finding`` a claim;
+``SuspensionResult.report`` writes them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -32,9 +33,9 @@ from boomctl.studies.evaluation import (
     word_table,
     words,
 )
-from boomctl.studies.suspension.assurance import Examined
 from boomctl.studies.suspension.performance import Performance, evaluate_suspension
-from boomctl.studies.suspension.scene import FAMILY_ELEMENTS, FieldScenario
+from boomctl.studies.suspension.scenario import FAMILY_ELEMENTS, FieldScenario
+from boomctl.studies.suspension.verification import SuspensionVerification
 from boomctl.threads import one_blas_thread
 
 _PASSIVE = ("spring_stiffness", "cradle_damping", "hinge_damping", "boom_mass")  # in the report's table
@@ -62,7 +63,7 @@ class SuspensionDesign(Design):
     weights : mapping from str to control.StateSpace
         Weights of the design, to be drawn over frequency.
     delay : float or None
-        Computation delay [s]; by default that of the scene.
+        Computation delay [s]; by default that of the scenario.
 
     Examples
     --------
@@ -81,12 +82,12 @@ class SuspensionDesign(Design):
     __repr__ = compact
 
     @one_blas_thread
-    def evaluate(self, scene: FieldScenario | None = None) -> "SuspensionResult":
+    def evaluate(self, scenario: FieldScenario | None = None) -> "SuspensionResult":
         """Evaluate the design and the passive boom of Table 2 of Anthonis & Ramon (2003).
 
         Parameters
         ----------
-        scene : FieldScenario, optional
+        scenario : FieldScenario, optional
             The field that both are driven over; by default ``FieldScenario()``.
 
         Returns
@@ -99,16 +100,16 @@ class SuspensionDesign(Design):
         TypeError, ValueError
             See :func:`boomctl.simulate_loop` and the analyses.
         """
-        where = FieldScenario() if scene is None else scene
+        where = FieldScenario() if scenario is None else scenario
         p, K, delay = self.parameters, self.controller, where.delay if self.delay is None else self.delay
         family = self.plant if isinstance(self.plant, AffineFamily) else None
         plant = self.plant if family is None else family.nominal.to_statespace()
         before = evaluate_suspension("passive, Table 2", where, BoomParameters())
         after = evaluate_suspension(self.title, where, p, K, plant, delay=delay)  # type: ignore[arg-type]
-        assured: Any = ((), None, ())
+        findings: Any = ((), None, ())
         if self.plant is None or (family is not None and K is not None and K.isctime()):
-            assured = Examined(p, K, where, delay, family).assured()
-        return SuspensionResult(self, where, before, after, *assured)
+            findings = SuspensionVerification(p, K, where, delay, family).verify()
+        return SuspensionResult(self, where, before, after, *findings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +120,7 @@ class SuspensionResult(Evaluation):
     ----------
     design : SuspensionDesign
         The design that was evaluated.
-    scene : FieldScenario
+    scenario : FieldScenario
         The field it was driven over.
     passive, active : Performance
         Performance of the boom of Table 2, and of the design.
@@ -135,7 +136,7 @@ class SuspensionResult(Evaluation):
     """
 
     design: SuspensionDesign
-    scene: FieldScenario
+    scenario: FieldScenario
     passive: Performance
     active: Performance
     findings: tuple[Finding, ...] = field(repr=False)
@@ -192,13 +193,13 @@ class SuspensionResult(Evaluation):
     @property
     def verdict(self) -> str:
         """The result in a sentence."""
-        a, b, scene = self.active, self.passive, self.scene
+        a, b, scenario = self.active, self.passive, self.scenario
         peak = "Verified peak" if a.sigma.verified and b.sigma.verified else "Peak, NOT verified,"
         held = "within" if self.within_limits else "NOT within"
         return (
             f"{peak} from {b.sigma.peak:.4g} to {a.sigma.peak:.4g} (the yaw by {self.yaw_reduction_db:.1f} dB),"
             f" deposit CV from {100 * b.spray.cv:.2f} to {100 * a.spray.cv:.2f} %, {held} the limits of"
-            f" ±{1e3 * scene.end_stop:g} mm and {scene.control_limit:g} N."
+            f" ±{1e3 * scenario.end_stop:g} mm and {scenario.control_limit:g} N."
         )
 
     @property
@@ -218,7 +219,7 @@ class SuspensionResult(Evaluation):
             "passive": self.passive.to_dict(),
             "active": self.active.to_dict(),
             "synthesis": dict(self.design.synthesis_info),
-            "assurance": words(self.findings),
+            "verification": words(self.findings),
             "controller": None if K is None else {"states": K.nstates},
             "worst_case": worst or None,
             "deposit_cv_found_over_box": None,
@@ -229,15 +230,15 @@ class SuspensionResult(Evaluation):
         from boomctl.plotting.canvas import new_figure, picture
         from boomctl.plotting.suspension import draw_run, draw_suspension_sigma, draw_weights
 
-        design, scene, before, after = self.design, self.scene, self.passive, self.active
+        design, scenario, before, after = self.design, self.scenario, self.passive, self.active
         p, base, titles = design.parameters, BoomParameters(), (before.title, after.title)
         run, bounds = [item.key for item in before.findings].index("stroke"), [*self._bounds()]
         blank, look = [replace(item, text="-", method="") for item in bounds], {"heads": titles, "align": "lrrl"}
         columns = ((*x.findings[:3], *more, *x.findings[3:run]) for x, more in ((before, blank), (after, bounds)))
         yield Section("Passive and active boom", design.notes, (finding_table(*columns, **look),))
         text = (
-            f"The boom of Anthonis & Ramon (2003): {scene.elements} finite elements, accelerometers of"
-            f" {scene.accelerometer_bandwidth_hz:g} Hz. The static gain from yaw of the platform to the tips is"
+            f"The boom of Anthonis & Ramon (2003): {scenario.elements} finite elements, accelerometers of"
+            f" {scenario.accelerometer_bandwidth_hz:g} Hz. The static gain from yaw of the platform to the tips is"
             f" {p.length / p.actuator_distance:.3f}, a lower bound of the peak of every suspension that centers the boom."
         )
         parts = ((name.replace("_", " "), *(f"{getattr(x, name):g}" for x in (base, p))) for name in _PASSIVE)
@@ -263,12 +264,12 @@ class SuspensionResult(Evaluation):
             )
             yield Section("Verification", (text,), (finding_table(self.findings),))
         text = (
-            f"All of the field is assumed: {' '.join(repr(scene).split())}. The tractor has {scene.tractor.mass:g} kg, a"
-            f" wheelbase of {scene.tractor.wheelbase:g} m and a track of {scene.tractor.track_width:g} m; a controller is"
-            f" sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late."
+            f"All of the field is assumed: {' '.join(repr(scenario).split())}. The tractor has {scenario.tractor.mass:g} kg,"
+            f" a wheelbase of {scenario.tractor.wheelbase:g} m and a track of {scenario.tractor.track_width:g} m; a"
+            f" controller is sampled every {1e3 * after.run.sample_time:g} ms, its forces {1e3 * after.run.delay:g} ms late."
         )
-        start, length = scene.warmup_time + 0.25 * scene.duration, min(_SPAN, 0.75 * scene.duration)
-        limits, span = (scene.control_limit, scene.end_stop), (start, start + length)
+        start, length = scenario.warmup_time + 0.25 * scenario.duration, min(_SPAN, 0.75 * scenario.duration)
+        limits, span = (scenario.control_limit, scenario.end_stop), (start, start + length)
         drawn = draw_run(before.run, after.run, labels=titles, limits=limits, span=span)
         shown = picture("run", drawn, f"Platform, left tip, left stroke and forces, {length:g} s of it.")
         driven = finding_table(before.findings[run:], after.findings[run:], **look)
@@ -289,7 +290,7 @@ class SuspensionResult(Evaluation):
         dict of str to bytes or str
             Contents of the files by name; no C code of a controller that is too fast for the sampling of the field run.
         """
-        return self._controller_files(words(self.findings), self.active.run.sample_time, self.scene.control_limit)
+        return self._controller_files(words(self.findings), self.active.run.sample_time, self.scenario.control_limit)
 
     def _bounds(self) -> Iterator[Finding]:
         """Yield the worst peaks over the box where they are bounded."""

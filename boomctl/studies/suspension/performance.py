@@ -19,7 +19,7 @@ from boomctl.simulation.loop import simulate_loop
 from boomctl.simulation.result import LoopResult
 from boomctl.structure.model import SecondOrderModel
 from boomctl.studies.evaluation import Finding, numbers, peak_finding
-from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, STROKES, FieldScenario, suspension_model
+from boomctl.studies.suspension.scenario import ACCELERATIONS, CONTROLS, STROKES, FieldScenario, suspension_model
 from boomctl.synthesis.plants.generalized import select_channels
 from boomctl.threads import one_blas_thread
 
@@ -191,19 +191,19 @@ class InField:
         Of the machine, passive parts of the suspension included.
     K : control.StateSpace or None
         ``u = K y``; None of springs and dampers alone.
-    scene : FieldScenario
+    scenario : FieldScenario
     delay : float
         Time between a sample and the moment its forces act [s].
     """
 
     p: BoomParameters
     K: control.StateSpace | None
-    scene: FieldScenario
+    scenario: FieldScenario
     delay: float = 0.0
 
     def model(self, elements: int, nozzles: bool = False) -> SecondOrderModel:
         """Return the boom with its sensors."""
-        return suspension_model(self.p, elements, self.scene.accelerometer_bandwidth_hz, nozzles)
+        return suspension_model(self.p, elements, self.scenario.accelerometer_bandwidth_hz, nozzles)
 
     def to_tips(self, machine: SecondOrderModel | control.StateSpace) -> control.StateSpace:
         """Return the loop from the platform to the tips: with the controller, if there is one, its forces late if sampled."""
@@ -217,15 +217,15 @@ class InField:
         self, machine: SecondOrderModel | control.StateSpace
     ) -> tuple[LoopResult, tuple[SprayResult, SprayResult, SprayResult]]:
         """Return a run over the field, and the spray of all motion, of its symmetric and of its antisymmetric part."""
-        K, scene, motion = self.K, self.scene, self.scene.motion()
+        K, scenario, motion = self.K, self.scenario, self.scenario.motion()
         active: dict[str, Any] = {}
         if K is not None:
-            steps = dict.fromkeys(STROKES, scene.stroke_resolution) | dict.fromkeys(
-                ACCELERATIONS, scene.acceleration_resolution
+            steps = dict.fromkeys(STROKES, scenario.stroke_resolution) | dict.fromkeys(
+                ACCELERATIONS, scenario.acceleration_resolution
             )
             active = {
                 "delay": self.delay,
-                "control_limit": dict.fromkeys(CONTROLS, scene.control_limit),
+                "control_limit": dict.fromkeys(CONTROLS, scenario.control_limit),
                 "quantization": {name: steps[name] for name in K.input_labels if steps.get(name)},
             }
         run = simulate_loop(
@@ -233,16 +233,18 @@ class InField:
             K,
             motion.time,
             {"actuator_left": motion.left, "actuator_right": motion.right},
-            sample_time=scene.sample_time if K is None or K.isctime() else K.dt,
-            end_stop=dict(zip(STROKES, [(scene.end_stop, name) for name in CONTROLS], strict=True)),
+            sample_time=scenario.sample_time if K is None or K.isctime() else K.dt,
+            end_stop=dict(zip(STROKES, [(scenario.end_stop, name) for name in CONTROLS], strict=True)),
             **active,
         )
         names = sorted(name for name in run.outputs if name.startswith("nozzle_"))  # of a machine that reads them
         nozzles, half = nozzle_positions(self.p), self.p.length / 2
         points = np.concatenate([[-half], nozzles if names else [], [half]])
         moved = np.array([run[name] for name in (TIPS[0], *names, TIPS[1])])
-        record = run.time >= run.time[0] + scene.warmup_time
-        return run, spray_deposit_components(run.time[record], moved[:, record], points, scene.speed, nozzles=nozzles)
+        record = run.time >= run.time[0] + scenario.warmup_time
+        return run, spray_deposit_components(
+            run.time[record], moved[:, record], points, scenario.speed, nozzles=nozzles
+        )
 
 
 def _loop_sigma(loop: control.StateSpace) -> SigmaResult:

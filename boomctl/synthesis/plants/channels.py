@@ -19,17 +19,17 @@ class Channel:
         Disturbances and performance outputs of the generalized plant; if None, all.
     norm : str
         "hinf" or "h2".
-    budget : float or None
+    limit : float or None
         Limit of the norm; if None, it is minimized.
     """
 
     inputs: tuple[str, ...] | None
     outputs: tuple[str, ...] | None
     norm: str
-    budget: float | None = None
+    limit: float | None = None
 
     def __repr__(self) -> str:
-        least = "as small as possible" if self.budget is None else f"at most {self.budget:.6g}"
+        least = "as small as possible" if self.limit is None else f"at most {self.limit:.6g}"
         return f"Channel: {self.text} {least}"
 
     @property
@@ -111,7 +111,7 @@ def constraint(
     >>> bc.tunable.constraint("w_track", "z_force", 12.0, norm="h2")
     Channel: H2 norm from w_track to z_force at most 12
     """
-    return replace(objective(inputs, outputs, norm), budget=positive("limit", limit))
+    return replace(objective(inputs, outputs, norm), limit=positive("limit", limit))
 
 
 def channel_of(plant: GeneralizedPlant, channel: Channel) -> GeneralizedPlant:

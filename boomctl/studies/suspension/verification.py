@@ -29,7 +29,7 @@ from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.studies.evaluation import Finding, box_method, stability_finding
 from boomctl.studies.suspension.performance import InField
-from boomctl.studies.suspension.scene import ACCELERATIONS, CONTROLS, FAMILY_ELEMENTS, MASS, SPRING, STROKES
+from boomctl.studies.suspension.scenario import ACCELERATIONS, CONTROLS, FAMILY_ELEMENTS, MASS, SPRING, STROKES
 from boomctl.synthesis.plants.symmetry import split_controller
 
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
@@ -42,7 +42,7 @@ _SIDES = {"jolt": "sym", "yaw": "anti"}
 
 
 @dataclass(frozen=True)
-class Examined(InField):
+class SuspensionVerification(InField):
     """A suspension that is to be examined; a machine of its own has a family over springs and masses.
 
     Such a machine is examined as a whole, and its controller is one in continuous time.
@@ -50,7 +50,7 @@ class Examined(InField):
 
     family: AffineFamily | None = None
 
-    def assured(self) -> tuple[tuple[Finding, ...], SigmaResult | None, tuple[SigmaResult, ...]]:
+    def verify(self) -> tuple[tuple[Finding, ...], SigmaResult | None, tuple[SigmaResult, ...]]:
         """Return the findings, the singular values with the exact beam, and those over the uncertainty.
 
         Raises
@@ -82,8 +82,8 @@ class Examined(InField):
         if self.family is not None:
             yield from _over_the_box(self.family, self.K, ACTUATORS, TIPS, 0.0)
             return
-        model, late = self.model(self.scene.elements), self.delay if self.sampled else 0.0
-        band = None if self.K is None else self.scene.accelerometer_bandwidth_hz
+        model, late = self.model(self.scenario.elements), self.delay if self.sampled else 0.0
+        band = None if self.K is None else self.scenario.accelerometer_bandwidth_hz
         controllers = _controllers(model, self.K)
         for (half, side), plant in zip(_SIDES.items(), split_symmetric(model), strict=True):
             family = boom_family(
@@ -107,7 +107,10 @@ class Examined(InField):
         """
         dampers = {name: getattr(BoomParameters(), name) for name in ("cradle_damping", "hinge_damping")}
         stiffest = spring_for_yaw(replace(self.p, **dampers), MEASURED_YAW_HZ, FAMILY_ELEMENTS)
-        band, springs = self.scene.accelerometer_bandwidth_hz, {"spring_stiffness": (self.p.spring_stiffness, stiffest)}
+        band, springs = (
+            self.scenario.accelerometer_bandwidth_hz,
+            {"spring_stiffness": (self.p.spring_stiffness, stiffest)},
+        )
         stiffer = family_of(springs, self.p.replace, "yaw", "finite", FAMILY_ELEMENTS, "displacement", band)
         name = f"yaw frequency from Table 2 to the measured {MEASURED_YAW_HZ:g} Hz"
         return stability_finding(name, robust_stability(stiffer, K), K)
@@ -150,7 +153,7 @@ class Examined(InField):
         damping ratio of the model's, the square root of one half.
         """
         result = exact_frequency_response(self.p, omega, (*ACTUATORS, *CONTROLS), (*TIPS, *STROKES))
-        corner, s = 2.0 * np.pi * self.scene.accelerometer_bandwidth_hz, 1j * np.asarray(omega, dtype=float)
+        corner, s = 2.0 * np.pi * self.scenario.accelerometer_bandwidth_hz, 1j * np.asarray(omega, dtype=float)
         reads = s**2 * corner**2 / (s**2 + np.sqrt(2.0) * corner * s + corner**2)
         data = np.asarray(result.frdata)
         whole = np.concatenate([data, reads * data[: len(TIPS)]])
@@ -159,7 +162,7 @@ class Examined(InField):
 
     def exact_sigma(self) -> SigmaResult:
         """Return singular values with the exact boom, also at the peaks of the mesh."""
-        peaks = sigma(self.to_tips(self.model(self.scene.elements)))
+        peaks = sigma(self.to_tips(self.model(self.scenario.elements)))
         omega = np.union1d(_FREQUENCIES, peaks.omega[peaks.sigma[0] > _HIGH * peaks.peak])
         if self.K is None:
             return sigma(exact_frequency_response(self.p, omega, ACTUATORS, TIPS))

@@ -59,8 +59,8 @@ class FieldScenario:
     Examples
     --------
     >>> import boomctl as bc
-    >>> scene = bc.studies.FieldScenario(speed=2.0, warmup_time=5.0, duration=10.0)
-    >>> round(float(scene.motion().time[-1]), 3)  # s, run-in included
+    >>> scenario = bc.studies.FieldScenario(speed=2.0, warmup_time=5.0, duration=10.0)
+    >>> round(float(scenario.motion().time[-1]), 3)  # s, run-in included
     15.0
     """
 
