@@ -68,7 +68,7 @@ def h_infinity():
 
 @functools.cache
 def tuned():
-    """Return gains tuned for two models with a limit, and a physical parameter beside them."""
+    """Return gains tuned for two models with a limit, and a plant parameter beside them."""
     parts = bc.tunable.pid(integral=False) + bc.tunable.plant_parameter("damping", 0.05, 0.5)
 
     def plant(stiffness):
@@ -175,9 +175,9 @@ def linear_slew():
 
 @functools.cache
 def comparison():
-    history, t = linear_slew().torque_profile, np.linspace(0.0, 3.0, 20)
+    profile, t = linear_slew().torque_profile, np.linspace(0.0, 3.0, 20)
     rows = [
-        SlewRow(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), history, t, np.sin(t))
+        SlewRow(name, 2.0 + k, 0.1, 0.0, 0.0, 5.0, 9.0, 0.05, 0.2, np.array([0.1, 0.3]), profile, t, np.sin(t))
         for k, name in enumerate(("bang-bang", "ZV", "EI"))
     ]
     return SlewComparison(1.0, 200.0, tuple(rows), tip_masses=np.array([0.0, 0.5]))

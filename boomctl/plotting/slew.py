@@ -78,12 +78,12 @@ def plot_slew(result: Any, ax: Any = None, **style: Any) -> Array:
     return axes
 
 
-def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
+def plot_torque(profile: Any, ax: Any = None, **style: Any) -> Any:
     """Draw a torque over time.
 
     Parameters
     ----------
-    history : TorqueProfile
+    profile : TorqueProfile
     ax : matplotlib Axes or figure, optional
         Axes to draw on. If None, a new figure is created.
     **style
@@ -95,8 +95,8 @@ def plot_torque(history: Any, ax: Any = None, **style: Any) -> Any:
     """
     with panels(ax, ("torque",), (6.4, 2.6)) as (axes,):
         look = line_look(style)
-        _draw_torque(axes, history, look)
-        axes.set(xlabel="time [s]", ylabel=labeled("torque", history.unit), xmargin=_EDGES)
+        _draw_torque(axes, profile, look)
+        axes.set(xlabel="time [s]", ylabel=labeled("torque", profile.unit), xmargin=_EDGES)
         legend(axes)
     return axes
 
@@ -109,9 +109,9 @@ def _draw_limit(ax: Any, limit: float | None, values: Any) -> bool:
     return bool(levels)
 
 
-def _draw_torque(ax: Any, history: Any, look: dict[str, Any]) -> None:
-    t = np.repeat(history.edges, 2)
-    values = np.concatenate([[0.0], np.column_stack([history.start_values, history.end_values]).ravel(), [0.0]])
+def _draw_torque(ax: Any, profile: Any, look: dict[str, Any]) -> None:
+    t = np.repeat(profile.edges, 2)
+    values = np.concatenate([[0.0], np.column_stack([profile.start_values, profile.end_values]).ravel(), [0.0]])
     ax.plot(t, values, **look)
 
 

@@ -351,7 +351,7 @@ class HubBeam(ABC):
             if timepts is None:
                 raise TypeError("timepts: expected times [s], got none")
         times = _checked_times(timepts)
-        maneuver = _played(maneuver, initial_state)
+        maneuver = _as_maneuver(maneuver, initial_state)
         tolerance = self._tolerance(maneuver, initial_state, rtol, atol)
         start = self._start(maneuver, initial_state)
         maneuver = _checked(maneuver, float(times[-1]))
@@ -721,7 +721,7 @@ def _checked_times(value: ArrayLike) -> Array:
     return timepts
 
 
-def _played(maneuver: Any, initial: ArrayLike | None) -> Maneuver:
+def _as_maneuver(maneuver: Any, initial: ArrayLike | None) -> Maneuver:
     """Return the torque of a slew as a maneuver; return a maneuver unchanged."""
     if not hasattr(maneuver, "torque_profile"):
         return maneuver

@@ -250,26 +250,26 @@ def compare_slews(
     loaded = [plant.machine.with_tip_mass(mass) for mass in masses]
     heaviest = plant_of(plant.machine.with_tip_mass(max(masses))).period if masses else 0.0
     lines = []
-    for name, history in torques.items():
-        after = history.duration + np.linspace(0.0, 1.5 * plant.period, _AFTER)
-        t = np.concatenate([np.linspace(0.0, history.duration, _DURING)[:-1], after])
-        r = plant.machine.simulate(history, t)
-        low, high = (_vibration(item, history, after) for item in others)
-        later = history.duration + np.linspace(0.0, 1.5 * heaviest, _AFTER)
+    for name, profile in torques.items():
+        after = profile.duration + np.linspace(0.0, 1.5 * plant.period, _AFTER)
+        t = np.concatenate([np.linspace(0.0, profile.duration, _DURING)[:-1], after])
+        r = plant.machine.simulate(profile, t)
+        low, high = (_vibration(item, profile, after) for item in others)
+        later = profile.duration + np.linspace(0.0, 1.5 * heaviest, _AFTER)
         late = t >= after[0]
         lines.append(
             SlewRow(
                 name=name,
-                duration=history.duration,
+                duration=profile.duration,
                 residual_vibration=float(np.abs(r.tip_displacement[late]).max()),
                 angle_error=0.0 if angle is None else _middle(r.hub_angle[late]) - angle,
                 speed_error=_middle(r.hub_speed[late]) - final_speed,
                 max_root_moment=float(np.abs(r.states @ plant.machine._root_moment_row).max()),
-                effort=history.effort,
+                effort=profile.effort,
                 residual_vibration_low=low,
                 residual_vibration_high=high,
-                vibrations=np.array([_vibration(item, history, later) for item in loaded]),
-                torque_profile=history,
+                vibrations=np.array([_vibration(item, profile, later) for item in loaded]),
+                torque_profile=profile,
                 time=t,
                 tip_displacement=r.tip_displacement,
             )
@@ -277,9 +277,9 @@ def compare_slews(
     return SlewComparison(angle, limit, tuple(lines), final_speed, np.array(masses))
 
 
-def _vibration(machine: AssumedModesBeam, history: TorqueProfile, time: Array) -> float:
+def _vibration(machine: AssumedModesBeam, profile: TorqueProfile, time: Array) -> float:
     """Return the largest tip displacement under a torque at given times [m]."""
-    return float(np.abs(machine.simulate(history, time).tip_displacement).max())
+    return float(np.abs(machine.simulate(profile, time).tip_displacement).max())
 
 
 def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit: float) -> dict[str, TorqueProfile]:
@@ -292,10 +292,10 @@ def _classical(plant: SlewPlant, angle: float | None, final_speed: float, limit:
     for shape, name in SPIN_UPS if angle is None else CLASSICAL:
         train, body = input_shaper(name, *plant.vibration), bodies.get(shape, shape)
         if angle is None:
-            history = spin_up_torque(shape, train, final_speed, plant.inertia, limit)
+            profile = spin_up_torque(shape, train, final_speed, plant.inertia, limit)
         else:
-            history = rest_to_rest_torque(shape, train, real("angle", angle), plant.inertia, limit)
-        torques[body if name == "none" else f"{body}, {name}"] = history
+            profile = rest_to_rest_torque(shape, train, real("angle", angle), plant.inertia, limit)
+        torques[body if name == "none" else f"{body}, {name}"] = profile
     return torques
 
 

@@ -127,7 +127,7 @@ def _row_rates(kind: Kind) -> ca.Function:
     return ca.Function("row_rates", [z, u, slope, row, plant.constants], [first, second])
 
 
-def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, z: Array, enough: float = 0.0) -> float:
+def path_peak(plant: SlewPlant, kind: str, profile: TorqueProfile, time: Array, z: Array, enough: float = 0.0) -> float:
     """Return the largest absolute value of a row of the plant along a motion, including between the given times.
 
     Values and first two derivatives at both ends of a step define a polynomial of degree five. For a vibration of
@@ -142,7 +142,7 @@ def path_peak(plant: SlewPlant, kind: str, history: TorqueProfile, time: Array, 
     if not near.size:
         return top
     h = np.diff(time)[near]
-    start, end, slope = (item[near] for item in lines_between(history, time))
+    start, end, slope = (item[near] for item in lines_between(profile, time))
     v0, v1 = values[near], values[near + 1]
     s0, c0 = row_rates(plant, row, z[near], start, slope)
     s1, c1 = row_rates(plant, row, z[near + 1], end, slope)

@@ -133,7 +133,7 @@ class HeldEffort:
 
     Attributes
     ----------
-    history : TorqueProfile
+    profile : TorqueProfile
     more : float
         Relative increase of the effort if the torque is held on pairs of intervals, by the derivatives along its motion;
         infinite if that does not lead to the terminal state.
@@ -141,7 +141,7 @@ class HeldEffort:
         Active set of limits at the nodes: 1 above, -1 below, 0 where inactive.
     """
 
-    history: TorqueProfile
+    profile: TorqueProfile
     more: float
     met: Array
 
@@ -164,7 +164,7 @@ def effort_on_mesh(
     before : HeldEffort, optional
         Solution for other limits on the same mesh, as the starting point.
     """
-    first = least_effort(problem, duration, intervals).history if before is None else before.history
+    first = least_effort(problem, duration, intervals).profile if before is None else before.profile
     watched = [(kind, part) for kind in limits.without_torque for part in problem.parts]
     lines = np.zeros((len(watched), problem.start.size))
     for line, (kind, (plant, own)) in zip(lines, watched, strict=True):

@@ -56,7 +56,7 @@ class LeastEffort:
     largest of them: rounding error, unless the limit is too low for the time.
     """
 
-    history: TorqueProfile
+    profile: TorqueProfile
     costate: Array
     residual: float
 
@@ -150,26 +150,26 @@ class Guess:
         return np.where(sizes > negligible * sizes.max(), sizes, instead * sizes.max())
 
 
-def guess_from(problem: SlewProblem, history: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:
+def guess_from(problem: SlewProblem, profile: TorqueProfile, intervals: int = 200, ramp: bool = False) -> Guess:
     """Sample a torque and the linear motion under it on a mesh."""
-    means = history.interval_means(np.linspace(0.0, history.duration, intervals + 1))
-    Phi, push = flow(problem).step(history.duration / intervals)
+    means = profile.interval_means(np.linspace(0.0, profile.duration, intervals + 1))
+    Phi, push = flow(problem).step(profile.duration / intervals)
     states = recursion(Phi, push[:, None] * means, problem.start).T
     if ramp:
         means = np.concatenate([[0.0], 0.5 * (means[1:] + means[:-1]), [0.0]])
-    return Guess(history.duration, means, states)
+    return Guess(profile.duration, means, states)
 
 
-def effort_gap(problem: SlewProblem, history: TorqueProfile) -> float:
+def effort_gap(problem: SlewProblem, profile: TorqueProfile) -> float:
     """Return the relative gap between an effort and its lower bound within the limit: weak duality, on a separate mesh.
 
     For any c: ``int u^2 >= c^T d - int max_u (p u - u^2) dt`` with ``p = c^T exp(A (T - t)) B``; the maximum is ``p^2 / 4``
     within ``|p| <= 2 limit`` and ``limit |p| - limit^2`` beyond. The integral is summed in Gauss points.
     """
-    intervals = max(_MESH, history.start_values.size)
-    c = 2.0 * least_effort(problem, history.duration, intervals).costate
+    intervals = max(_MESH, profile.start_values.size)
+    c = 2.0 * least_effort(problem, profile.duration, intervals).costate
     linear, gauss = flow(problem), gauss_method(_POINTS)
-    h, limit = history.duration / intervals, problem.limits.torque
+    h, limit = profile.duration / intervals, problem.limits.torque
     ahead: Array = np.array([linear.step(float(s))[0] @ problem.B for s in h * (1.0 - gauss.nodes)])
     rows, beyond = observability(linear.step(h)[0], c[None], intervals)
     p = np.abs(rows[:, 0] @ ahead.T)
@@ -177,4 +177,4 @@ def effort_gap(problem: SlewProblem, history: TorqueProfile) -> float:
     total = h * float((conjugate @ gauss.weights).sum())
     multipliers = np.linalg.lstsq(problem.ends.T, c, rcond=None)[0]
     bound = float(multipliers @ (problem.ends @ problem.target) - c @ beyond @ problem.start - total)
-    return history.effort / bound - 1.0
+    return profile.effort / bound - 1.0

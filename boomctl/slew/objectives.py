@@ -101,10 +101,10 @@ def _jerk(parts: Parts, units: Units, s: Interval, intervals: int) -> ca.SX:
     return total
 
 
-def _jerk_squared(history: TorqueProfile, paths: Paths) -> float:
+def _jerk_squared(profile: TorqueProfile, paths: Paths) -> float:
     """Return the integral of the squared hub jerk along the replay, whose times include all breakpoints of the torque."""
     plant, time, coordinates = paths[0]
-    start, end, slope = lines_between(history, time)
+    start, end, slope = lines_between(profile, time)
     ends = ((start, coordinates[:-1]), (end, coordinates[1:]))
     squares = [row_rates(plant, plant.rows["speed"], z, torque, slope)[1] ** 2 for torque, z in ends]
     return float(0.5 * np.sum((squares[0] + squares[1]) * np.diff(time)))
@@ -114,23 +114,23 @@ OBJECTIVES = {
     "time": Objective(
         title="minimum time",
         cost=lambda parts, units, s, intervals: s.h / units.time + 0.0 * s.u,
-        value=lambda history, paths: history.duration,
+        value=lambda profile, paths: profile.duration,
         unit=lambda units: units.time,
     ),
-    "effort": Objective(title="minimum effort", cost=_effort, value=lambda history, paths: history.effort),
+    "effort": Objective(title="minimum effort", cost=_effort, value=lambda profile, paths: profile.effort),
     "jerk": Objective(title="minimum jerk", cost=_jerk, value=_jerk_squared, continuous=True),
     "torque-rate": Objective(
         title="minimum torque rate",
         cost=lambda parts, units, s, intervals: (s.u1 - s.u) ** 2 / (s.h / units.time),
-        value=lambda history, paths: float(
-            np.sum((history.end_values - history.start_values) ** 2 / np.diff(history.edges))
+        value=lambda profile, paths: float(
+            np.sum((profile.end_values - profile.start_values) ** 2 / np.diff(profile.edges))
         ),
         continuous=True,
     ),
     "tip": Objective(
         title="minimum tip displacement",
         cost=_tip,
-        value=lambda history, paths: max(path_peak(plant, "tip", history, t, z) for plant, t, z in paths),
+        value=lambda profile, paths: max(path_peak(plant, "tip", profile, t, z) for plant, t, z in paths),
         continuous=True,
         unit=lambda units: units.tip,
         bounds_tip=True,

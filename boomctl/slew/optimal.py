@@ -15,8 +15,8 @@ Methods, in order; the stages of a result list those used:
 Beams with axial modes are planned without them, and simulated with them.
 
 From call to certificate: :func:`optimal_slew` makes a ``SlewProblem`` (``slew_problem``, ``plant_of``); ``_searched`` takes
-the torque of the first method that succeeds (``least_time``, ``least_time_arcs``, ``_least_effort``, ``refined``); ``played``
-simulates it, and ``_certified`` measures the errors (``prescribed_error``, ``violation``).
+the torque of the first method that succeeds (``least_time``, ``least_time_arcs``, ``_least_effort``, ``refined``);
+``replayed`` simulates it, and ``_certified`` measures the errors (``prescribed_error``, ``violation``).
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from boomctl.slew.deadline import SlewDeadline, SlewProgress, noting_interrupts
 from boomctl.slew.effort import effort_on_mesh
 from boomctl.slew.end_map import end_map
 from boomctl.slew.least_time.arc_count import arcs_behind
-from boomctl.slew.least_time.newton import least_time_arcs, led_to_end
-from boomctl.slew.least_time.switching import least_time, rigid_and_slowest, time_gap
+from boomctl.slew.least_time.arcs import least_time_arcs, led_to_end
+from boomctl.slew.least_time.linear import least_time, rigid_and_slowest, time_gap
 from boomctl.slew.linear import effort_gap, least_effort
 from boomctl.slew.nlp.program import Solution
 from boomctl.slew.nlp.refinement import refined, solved, within_limits
@@ -48,7 +48,7 @@ from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.objectives import OBJECTIVES
 from boomctl.slew.plant import is_machine
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem, slew_problem, warn_of_turns
-from boomctl.slew.replay import Candidate, binding, free_errors, played, prescribed_error, violation
+from boomctl.slew.replay import Candidate, binding, free_errors, prescribed_error, replayed, violation
 from boomctl.slew.result import SlewCertificate, SlewResult
 from boomctl.slew.torque import TorqueProfile
 from boomctl.threads import one_blas_thread
@@ -77,13 +77,13 @@ class Planned:
 
 def _nonlinear_program(problem: SlewProblem, least: TorqueProfile | None) -> Candidate:
     """Solve a nonlinear program on a mesh; if its torque is bang-bang, then optimize the durations of its arcs."""
-    if least is None or not problem.fastest:
+    if least is None or not problem.is_bang_bang:
         duration = problem.duration or (0.0 if least is None else _LONGER * least.duration)
-        least = least_effort(problem, duration, problem.intervals or MESHES[0]).history
+        least = least_effort(problem, duration, problem.intervals or MESHES[0]).profile
     candidate, limit = refined(problem, least), problem.limits.torque
-    if problem.fastest:
+    if problem.is_bang_bang:
         bang, ran = least_time_arcs(
-            problem, arcs_behind(candidate.history.start_values / limit, candidate.history.duration, limit)
+            problem, arcs_behind(candidate.profile.start_values / limit, candidate.profile.duration, limit)
         )
         return replace(bang or candidate, stages=(*candidate.stages, *ran))
     return candidate
@@ -108,19 +108,19 @@ def _least_effort(problem: SlewProblem) -> tuple[Candidate | None, tuple[str, ..
                     break
                 continue
             coarser, result = result, finer
-            gap = result.gap if coarser is None else abs(coarser.history.effort / result.history.effort - 1.0)
+            gap = result.gap if coarser is None else abs(coarser.profile.effort / result.profile.effort - 1.0)
             if gap < MESH_GAP:
                 break
         if result is not None and gap == inf and not proved:
-            finer = _effort_within(problem, 2 * result.history.start_values.size)
-            gap = inf if finer is None else abs(finer.history.effort / result.history.effort - 1.0)
+            finer = _effort_within(problem, 2 * result.profile.start_values.size)
+            gap = inf if finer is None else abs(finer.profile.effort / result.profile.effort - 1.0)
     except OutOfTimeError as over:
         if result is None:
             raise
         stages = (*stages, f"out of time: {over}")
     if result is None:
         return None, (*stages, "no least effort found")
-    return replace(result, gap=effort_gap(problem, result.history) if proved else gap), stages
+    return replace(result, gap=effort_gap(problem, result.profile) if proved else gap), stages
 
 
 def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
@@ -129,17 +129,17 @@ def _effort_within(problem: SlewProblem, intervals: int) -> Candidate | None:
     assert duration is not None
     if not limits.without_torque and problem.linear:
         least = least_effort(problem, duration, intervals)
-        return Candidate(least.history, "least effort", inf, "proved") if least.residual <= ALIKE else None
+        return Candidate(least.profile, "least effort", inf, "proved") if least.residual <= ALIKE else None
     result = None
     for _ in range(ROUNDS):
         result = effort_on_mesh(problem, duration, intervals, limits, result)
         if result is None:
             return None
-        candidate = Candidate(result.history, "least effort", result.more, "stationary")
+        candidate = Candidate(result.profile, "least effort", result.more, "stationary")
         if not limits.without_torque:
             return candidate
-        motions = played(problem, candidate.history)
-        excess = violation(problem, candidate.history, motions)
+        motions = replayed(problem, candidate.profile)
+        excess = violation(problem, candidate.profile, motions)
         # relative excess at the rounding error of the integrator
         if max(excess.values()) <= ALIKE:
             return replace(candidate, motions=motions)
@@ -300,42 +300,42 @@ def _planned(arguments: dict[str, Any], problem: SlewProblem, before: Planned | 
     else:
         candidate = within_limits(problem, solved(problem, before.program, before.solution, problem.limits))
         candidate = replace(candidate, stages=("collocation, solved again on its mesh",))
-    motions = played(problem, candidate.history) if candidate.motions is None else candidate.motions
+    motions = replayed(problem, candidate.profile) if candidate.motions is None else candidate.motions
     if problem.stretches:
         candidate = replace(candidate, stages=("planned without axial modes", *candidate.stages))
-        ends = end_map(problem, candidate.history)
+        ends = end_map(problem, candidate.profile)
         for _ in range(ROUNDS if candidate.method == "switching times" else 0):
             if prescribed_error(problem, motions) <= problem.rtol:
                 break
             end = np.concatenate([motion.coordinates[-1] for motion in motions])
-            corrected = led_to_end(ends, candidate.history, ends.rows @ end - ends.target)
+            corrected = led_to_end(ends, candidate.profile, ends.rows @ end - ends.target)
             if corrected is None:
                 break
             problem.deadline.check("switching times corrected with axial modes", corrected.duration)
             motions, stages = (
-                played(problem, corrected),
+                replayed(problem, corrected),
                 (*candidate.stages, "switching times corrected with axial modes"),
             )
-            candidate = replace(candidate, history=corrected, stages=tuple(dict.fromkeys(stages)))
+            candidate = replace(candidate, profile=corrected, stages=tuple(dict.fromkeys(stages)))
     return _certified(arguments, problem, replace(candidate, motions=motions))
 
 
 def _searched(problem: SlewProblem) -> Candidate:
     """Compute a torque by the first method that succeeds."""
     stages, result, least = (), None, None
-    if problem.fastest and not problem.linear:
+    if problem.is_bang_bang and not problem.linear:
         first = rigid_and_slowest(problem)
         if first is not None and first.start_values.size == problem.ends.shape[0]:  # as many arcs as conditions
             result, ran = least_time_arcs(problem, first)
             stages = ("rigid body and slowest mode", *ran)
     if problem.objective == "time" and result is None:
         extremal = least_time(problem)  # of the linear part: initial guess of all other methods
-        least, stages = extremal.history, (*stages, "linear switching times")
-        if problem.fastest and problem.linear:  # already the solution: compute its gap
+        least, stages = extremal.profile, (*stages, "linear switching times")
+        if problem.is_bang_bang and problem.linear:  # already the solution: compute its gap
             gap = time_gap(problem, extremal)
-            optimality = "proved" if problem.waits and gap < 1.0 else "extremal"
+            optimality = "proved" if problem.can_wait and gap < 1.0 else "extremal"
             return Candidate(least, "switching times", gap, optimality, stages=stages)
-        if problem.fastest:
+        if problem.is_bang_bang:
             result, ran = least_time_arcs(problem, least)
             stages += ran
     if problem.objective == "effort" and problem.limits.torque_rate is None:
@@ -402,7 +402,7 @@ def replan(
         raise ValueError("result: expected a slew that optimal_slew planned; plan this one again")
     arguments = dict(before.arguments)
     if angle is not None or angle_deg is not None:
-        if before.problem.angle is None or not before.problem.waits:
+        if before.problem.angle is None or not before.problem.can_wait:
             raise ValueError("angle: expected None, for the slew had a free angle or given states")
         arguments["angle"] = _turned(before.problem.linear, angle, angle_deg)
     if torque_limit is not None:
@@ -414,11 +414,11 @@ def replan(
 def _certified(arguments: dict[str, Any], problem: SlewProblem, candidate: Candidate) -> SlewResult:
     """Evaluate a torque by its replay, and build the result."""
     # the stored problem has no callback
-    history, deadline, problem = candidate.history, problem.deadline, replace(problem, deadline=SlewDeadline())
+    profile, deadline, problem = candidate.profile, problem.deadline, replace(problem, deadline=SlewDeadline())
     motions = candidate.motions
     assert motions is not None
     error, free = prescribed_error(problem, motions), free_errors(problem, motions)
-    excess, whole = violation(problem, history, motions), max(error, *free.values(), 0.0)
+    excess, whole = violation(problem, profile, motions), max(error, *free.values(), 0.0)
     if error > max(problem.rtol, SUMMED):  # rounding error is always accepted
         other = "" if problem.objective == "effort" else ", or the objective 'effort' with a given duration"
         raise SlewError(
@@ -430,22 +430,22 @@ def _certified(arguments: dict[str, Any], problem: SlewProblem, candidate: Candi
         prescribed_terminal_error=error,
         free_terminal_errors=free,
         constraint_violation=max(excess.values()),
-        active_constraints=binding(problem, history, motions),
+        active_constraints=binding(problem, profile, motions),
         optimality_gap=candidate.gap,
         optimality_status=candidate.optimality,
-        n_switches=int(history.switching_times.size) if candidate.method == "switching times" else None,
-        intervals=None if candidate.method == "switching times" else int(history.start_values.size),
+        n_switches=int(profile.switching_times.size) if candidate.method == "switching times" else None,
+        intervals=None if candidate.method == "switching times" else int(profile.start_values.size),
     )
-    history = replace(history, unit=problem.plants[0].labels["torque"][1])
+    profile = replace(profile, unit=problem.plants[0].labels["torque"][1])
     paths = [(plant, item.time, item.coordinates) for plant, item in zip(problem.plants, motions, strict=True)]
     first = motions[0]
     rows = {name: first.coordinates @ row for name, row in problem.plants[0].rows.items()}
     return SlewResult(
         objective=problem.objective,
-        duration=history.duration,
-        cost=OBJECTIVES[problem.objective].value(history, paths),
+        duration=profile.duration,
+        cost=OBJECTIVES[problem.objective].value(profile, paths),
         time=first.time,
-        torque=history(first.time),
+        torque=profile(first.time),
         hub_angle=rows["angle"],
         hub_speed=rows["speed"],
         tip_displacement=rows.get("tip"),
@@ -454,7 +454,7 @@ def _certified(arguments: dict[str, Any], problem: SlewProblem, candidate: Candi
         residual_energy=first.residual_energy,
         terminal_error=whole,
         certificate=certificate,
-        torque_profile=history,
+        torque_profile=profile,
         plan=Planned(arguments, problem, candidate.program, candidate.solution),
         stages=candidate.stages,
         small_deformation_until=first.small_deformation_until,

@@ -118,7 +118,7 @@ class SlewProblem:
         Initial and terminal coordinates of all plants.
     ends : ndarray, m x n
         Rows of the state that are prescribed at the end.
-    waits : bool
+    can_wait : bool
         True if start or target is an equilibrium.
     rtol : float
     intervals : int or None
@@ -137,7 +137,7 @@ class SlewProblem:
     start: Array
     target: Array
     ends: Array
-    waits: bool
+    can_wait: bool
     rtol: float
     intervals: int | None
     tip_masses: tuple[float, ...] = ()
@@ -152,7 +152,7 @@ class SlewProblem:
         return tuple((plant, slice(last - plant.n, last)) for plant, last in zip(self.plants, lasts, strict=True))
 
     @property
-    def fastest(self) -> bool:
+    def is_bang_bang(self) -> bool:
         """True for minimum time under the torque limit only: the torque is bang-bang."""
         return self.objective == "time" and not self.limits.without_torque
 
@@ -209,12 +209,12 @@ class SlewProblem:
         """
         first, own = self.parts[0]
         if first.inertia is None:
-            slowest = _START_FRACTION / first.slowest if self.waits else 0.0
+            slowest = _START_FRACTION / first.slowest if self.can_wait else 0.0
             return slowest or 1.0 / float(np.linalg.norm(first.A, 2))
         start, end = self.start[own], self.target[own]
         turn, change = self.turn, abs(float(first.rows["speed"] @ (end - start)))
         torque = self.limits.torque / first.inertia
-        if self.waits:
+        if self.can_wait:
             rigid = max(2.0 * math.sqrt(turn / torque), change / torque)
             return rigid if first.still(start) else max(rigid, _START_FRACTION / first.slowest, _LEAST)
         fast = max(abs(float(first.rows["speed"] @ z)) for z in (start, end))
@@ -273,7 +273,7 @@ def slew_problem(
         start=start,
         target=target,
         ends=ends,
-        waits=waits,
+        can_wait=waits,
         rtol=default if rtol is None else positive("rtol", rtol),
         intervals=None if intervals is None else whole("intervals", intervals, 4),
         tip_masses=masses,
@@ -341,7 +341,7 @@ def _check_feasible(problem: SlewProblem) -> None:
     alone = problem.start if T is None else problem.start + matrix_expm1(T * problem.A) @ problem.start
     scale = np.abs(problem.ends) @ np.maximum(np.abs(alone), np.abs(problem.target))
     if np.all(np.abs(problem.ends @ (alone - problem.target)) <= ALIKE * scale):
-        if T is None or problem.waits:
+        if T is None or problem.can_wait:
             raise ValueError(
                 "angle: the plant is at its end state already; expected another angle (or angle_deg), speed or state"
             )
@@ -370,7 +370,7 @@ def _check_feasible(problem: SlewProblem) -> None:
             f" {plant.with_unit('speed', exactly(limits.most('speed')))}, which takes at least"
             f" {from_on(problem.turn / limits.most('speed'))} s"
         )
-    if problem.waits and plant.inertia is not None:
+    if problem.can_wait and plant.inertia is not None:
         _check_duration(problem, T, plant.inertia)
 
 

@@ -55,7 +55,7 @@ class Candidate:
 
     Attributes
     ----------
-    history : TorqueProfile
+    profile : TorqueProfile
     method : str
     gap : float
         Relative optimality gap; infinite if unknown.
@@ -68,7 +68,7 @@ class Candidate:
         Methods used, as text.
     """
 
-    history: TorqueProfile
+    profile: TorqueProfile
     method: str
     gap: float
     optimality: str
@@ -78,36 +78,36 @@ class Candidate:
     stages: tuple[str, ...] = ()
 
 
-def played(problem: SlewProblem, history: TorqueProfile) -> tuple[Motion, ...]:
+def replayed(problem: SlewProblem, profile: TorqueProfile) -> tuple[Motion, ...]:
     """Simulate all plants of a problem under a torque; limited motion is sampled at the rate of the fastest vibration."""
-    samples, widths = _SAMPLES, np.diff(history.edges)
+    samples, widths = _SAMPLES, np.diff(profile.edges)
     if OBJECTIVES[problem.objective].bounds_tip or set(problem.limits.without_torque) - {"torque_rate"}:
-        turns = problem.fastest_vibration * history.duration / (2.0 * np.pi)
+        turns = problem.fastest_vibration * profile.duration / (2.0 * np.pi)
         if _IN_PERIOD * turns > _MOST_SAMPLES:
             warn_user(
                 f"limits of the motion are checked at {_MOST_SAMPLES / turns:.2g} times in a period of the fastest"
                 " vibration: between them it may exceed the limits; use fewer modes or a shorter slew"
             )
         samples = max(samples, min(int(_IN_PERIOD * turns), _MOST_SAMPLES))
-    counts = np.ceil(samples * widths / history.duration * (1.0 - SUMMED)).astype(int)  # less rounding error
+    counts = np.ceil(samples * widths / profile.duration * (1.0 - SUMMED)).astype(int)  # less rounding error
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
-    t = np.append(np.repeat(history.edges[:-1], counts) + within * np.repeat(widths / counts, counts), history.duration)
+    t = np.append(np.repeat(profile.edges[:-1], counts) + within * np.repeat(widths / counts, counts), profile.duration)
     motions = []
     for plant, own in problem.parts:
         if plant.machine is None:
-            states = _linear_motion(plant, history, problem.start[own], t)
+            states = _linear_motion(plant, profile, problem.start[own], t)
             motions.append(Motion(t, states, plant.coordinates(states), None))
             continue
         with computing("replay", lambda told: problem.deadline.check("replay")):
-            r = plant.machine.simulate(history, t, **_ACCURATE)
+            r = plant.machine.simulate(profile, t, **_ACCURATE)
         energy = plant.machine.residual_energy(r.states[-1], problem.final_speed)
         motions.append(Motion(t, r.states, plant.coordinates(r.states), energy, r.small_deformation_until))
     return tuple(motions)
 
 
-def _linear_motion(plant: SlewPlant, history: TorqueProfile, start: Array, times: Array) -> Array:
+def _linear_motion(plant: SlewPlant, profile: TorqueProfile, start: Array, times: Array) -> Array:
     """Return the states of a linear plant, to rounding error, at times that include the edges of the torque."""
-    first, last, _ = lines_between(history, times)
+    first, last, _ = lines_between(profile, times)
     widths, states = np.diff(times), [start[None]]
     # steps that differ by rounding error are replaced by their mean
     _, kind = np.unique(np.round(widths / times[-1], _DIGITS), return_inverse=True)
@@ -143,24 +143,24 @@ def free_errors(problem: SlewProblem, motions: tuple[Motion, ...]) -> dict[str, 
     return result
 
 
-def violation(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
+def violation(problem: SlewProblem, profile: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Return the relative excess over each limit in the replay, between its times too; 0 where the limit holds."""
-    peaks = {"torque": history.peak, "torque_rate": history.max_rate}
+    peaks = {"torque": profile.peak, "torque_rate": profile.max_rate}
     for kind in set(problem.limits.by_kind) - set(peaks):
         peaks[kind] = max(
-            path_peak(plant, kind, history, motion.time, motion.coordinates, problem.limits.most(kind))
+            path_peak(plant, kind, profile, motion.time, motion.coordinates, problem.limits.most(kind))
             for plant, motion in zip(problem.plants, motions, strict=True)
         )
     return {kind: max(0.0, peaks[kind] / limit - 1.0) for kind, limit in problem.limits.by_kind.items()}
 
 
-def binding(problem: SlewProblem, history: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
+def binding(problem: SlewProblem, profile: TorqueProfile, motions: tuple[Motion, ...]) -> dict[str, float]:
     """Return limits that are reached within 0.1 %, and the first time of it, s."""
-    rates = (history.end_values - history.start_values) / np.diff(history.edges)
-    own = {"torque": [history.start_values, history.end_values], "torque_rate": [rates]}
+    rates = (profile.end_values - profile.start_values) / np.diff(profile.edges)
+    own = {"torque": [profile.start_values, profile.end_values], "torque_rate": [rates]}
     result = {}
     for kind, limit in problem.limits.by_kind.items():
-        paths = [(history.edges, values) for values in own.get(kind, ())] or [
+        paths = [(profile.edges, values) for values in own.get(kind, ())] or [
             (motion.time, motion.coordinates @ plant.rows[kind])
             for motion, plant in zip(motions, problem.plants, strict=True)
         ]

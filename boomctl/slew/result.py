@@ -258,7 +258,7 @@ class SlewResult(Summarized, TimeSeries):
     @cached_property
     @one_blas_thread
     def _replays(self) -> tuple[Replay, ...]:
-        problem, history = self.plan.problem, self.torque_profile
+        problem, profile = self.plan.problem, self.torque_profile
         machine = problem.plants[0].machine
         if machine is None:
             return ()
@@ -266,10 +266,10 @@ class SlewResult(Summarized, TimeSeries):
         if machine.model != "foam":
             others.append((machine.with_model("foam"), None))
         others.append((machine.with_model("geometrically-exact", _EXACT_MODES), None))
-        after, replays = history.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1), []
+        after, replays = profile.duration + np.linspace(0.0, 1.5 * problem.plants[0].period, _AFTER + 1), []
         for k, (other, mass) in enumerate(others):
             tell(other.model, k, len(others))
-            r = other.simulate(history, after, **_COARSE)
+            r = other.simulate(profile, after, **_COARSE)
             energy = other.residual_energy(r.states[0], problem.final_speed) if is_machine(other) else None
             if energy is None and problem.final_speed == 0.0:
                 energy = float(r.energy[0])
@@ -531,17 +531,17 @@ def switching_function(result: SlewResult) -> SwitchingFunction:
     (array([0.82, 1.26, 1.69]), 1.0)
     """
     instance("result", result, SlewResult)
-    history, problem = result.torque_profile, result.plan.problem
+    profile, problem = result.torque_profile, result.plan.problem
     if result.certificate.n_switches is None:
         raise ValueError(
             "result: expected a slew with a bang-bang torque; plan one of minimum time without other limits"
         )
-    durations, ends = np.diff(history.edges), end_map(problem, history)
-    frequency = max(ends.step_frequency, _CURVE / history.duration)
+    durations, ends = np.diff(profile.edges), end_map(problem, profile)
+    frequency = max(ends.step_frequency, _CURVE / profile.duration)
     counts = np.maximum(2, np.ceil(durations * frequency)).astype(int)
-    steps = ends.steps(float(np.sign(history.start_values[0])), durations, counts)
+    steps = ends.steps(float(np.sign(profile.start_values[0])), durations, counts)
     values = ends.sensitivity(steps).switching_function
     middle = np.cumsum(steps.h) - 0.5 * steps.h
     return SwitchingFunction(
-        middle, values / np.abs(values).max(), steps.u, history.switching_times, problem.limits.torque
+        middle, values / np.abs(values).max(), steps.u, profile.switching_times, problem.limits.torque
     )

@@ -192,13 +192,13 @@ def bang_bang(switches: Array, duration: float, limit: float, sign: float) -> To
     return held(np.concatenate([[0.0], switches, [duration]]), values)
 
 
-def lines_between(history: TorqueProfile, time: Array) -> tuple[Array, Array, Array]:
+def lines_between(profile: TorqueProfile, time: Array) -> tuple[Array, Array, Array]:
     """Return the torque at the start and at the end of each step between neighboring times, and its slope there.
 
     The times include the edges of the torque, at which it may jump: the values are limits from within the step.
     """
     middle = 0.5 * (time[1:] + time[:-1])
-    k = np.clip(np.searchsorted(history.edges, middle) - 1, 0, history.start_values.size - 1)
-    slope = ((history.end_values - history.start_values) / np.diff(history.edges))[k]
-    start, end = (history.start_values[k] + slope * (t - history.edges[k]) for t in (time[:-1], time[1:]))
+    k = np.clip(np.searchsorted(profile.edges, middle) - 1, 0, profile.start_values.size - 1)
+    slope = ((profile.end_values - profile.start_values) / np.diff(profile.edges))[k]
+    start, end = (profile.start_values[k] + slope * (t - profile.edges[k]) for t in (time[:-1], time[1:]))
     return start, end, slope

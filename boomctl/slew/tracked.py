@@ -361,7 +361,7 @@ class TrackedSlew:
 
 
 def tracked_slew(
-    history: TorqueProfile,
+    profile: TorqueProfile,
     problem: SlewProblem,
     *,
     sample_time: float,
@@ -381,17 +381,17 @@ def tracked_slew(
     if machine is None:
         raise TypeError("slew: expected one of a hub-beam; that of a linear system follows no nonlinear plan")
     rest = _SETTLE * plant.period if dwell_time is None else nonnegative("dwell_time", dwell_time)
-    if (history.duration + rest) / positive("sample_time", sample_time) > _MOST_SAMPLES:
+    if (profile.duration + rest) / positive("sample_time", sample_time) > _MOST_SAMPLES:
         raise ValueError(
             f"sample_time = {sample_time:g}: expected at most {_MOST_SAMPLES:g} samples, settling included"
         )
-    count = max(_FEWEST, round(history.duration / sample_time))
-    step = history.duration / count
+    count = max(_FEWEST, round(profile.duration / sample_time))
+    step = profile.duration / count
     after = int(np.ceil(rest / step))
     limit = positive("torque_limit", _RESERVE * planned_limit if torque_limit is None else torque_limit)
-    if limit < history.peak * (1.0 - ALIKE):  # up to rounding error
+    if limit < profile.peak * (1.0 - ALIKE):  # up to rounding error
         raise ValueError(
-            f"torque_limit = {limit:g}: expected at least {history.peak:g} N m, the largest torque of the plan"
+            f"torque_limit = {limit:g}: expected at least {profile.peak:g} N m, the largest torque of the plan"
         )
     time, extra_sensors = step * np.arange(count + after + 1), sequence("sensors", sensors, "BeamSensor")
     modes = machine._forced_modes(extra_sensors)
@@ -408,8 +408,8 @@ def tracked_slew(
     if measurements is None and noise is not None:
         raise ValueError("noise: expected None without measurements, for the states are known then")
     linear = machine._linear(problem.final_speed)
-    torques = np.concatenate([history.interval_means(time[: count + 1]), np.zeros(after)])
-    motion = machine.simulate(history, time)
+    torques = np.concatenate([profile.interval_means(time[: count + 1]), np.zeros(after)])
+    motion = machine.simulate(profile, time)
     states = motion.states @ modes.from_state.T
     along = linearized_along(
         modes, [modes.output_labels.index(name) for name in wanted], states[: count + 1], torques[:count], step
@@ -438,7 +438,7 @@ def tracked_slew(
         time=time,
         reference=dict(zip(modes.output_labels, outputs, strict=True)),
         feedforward={modes.input_labels[0]: np.append(torques, 0.0)},
-        duration=history.duration,
+        duration=profile.duration,
         slowest_period=plant.period,
         torque_limit=limit,
         planning_torque_limit=planned_limit,

@@ -181,7 +181,7 @@ def decentralized(
     Raises
     ------
     TypeError, ValueError
-        If there are no loops, an argument has the wrong type, a loop contains a physical parameter, or
+        If there are no loops, an argument has the wrong type, a loop contains a plant parameter, or
         `shared_parameters` is used with several structures.
 
     Examples
@@ -259,5 +259,5 @@ def _ends(low: object, high: object) -> tuple[float | None, float | None]:
 def _inner(form: object) -> ControllerForm:
     structure = instance("structure", form, ControllerForm, "a structure of boomctl.tunable")
     if structure.physicals():
-        raise ValueError("decentralized: a loop cannot contain a physical parameter; add it")
+        raise ValueError("decentralized: a loop cannot contain a plant parameter; add it")
     return structure

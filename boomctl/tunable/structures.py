@@ -39,7 +39,7 @@ class Free:
         return self.kind in (RATE, RATIO)
 
     def ends(self) -> tuple[float, float]:
-        """Return the bounds of the search variable: logarithms, or -1 to 1 for a physical parameter."""
+        """Return the bounds of the search variable: logarithms, or -1 to 1 for a plant parameter."""
         if self.logarithmic:
             return log(self.low), log(self.high)
         return (-1.0, 1.0) if self.kind == PHYSICAL else (self.low, self.high)
@@ -130,7 +130,7 @@ class ControllerForm:
         raise NotImplementedError
 
     def physicals(self) -> "tuple[Physical, ...]":
-        """Return the physical parameters among the parts."""
+        """Return the plant parameters among the parts."""
         return ()
 
     def check(self, ports: Ports) -> None:
@@ -186,7 +186,7 @@ class ControllerForm:
     def __mul__(self, other: object) -> "Series":
         first = instance("structure", other, ControllerForm, "a structure to put in series")
         if self.physicals() or first.physicals():
-            raise ValueError("structure: a physical parameter cannot be in a series; add it")
+            raise ValueError("structure: a plant parameter cannot be in a series; add it")
         if isinstance(self, Decentralized) or isinstance(first, Decentralized):
             raise ValueError("structure: decentralized cannot be in a series; put the series into it")
         return Series(self, first)

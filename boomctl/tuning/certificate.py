@@ -24,7 +24,7 @@ from boomctl.tuning.full_order import full_order_bound
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import BOUNDS, DAMPING, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.result import TuneResult
-from boomctl.tuning.solver.bundle import stationarity
+from boomctl.tuning.solver.polish import stationarity
 from boomctl.tuning.solver.search import Search
 
 _EDGE = 1e-5  # decay rate of a pole over its modulus below which a loop may be at the edge of stability

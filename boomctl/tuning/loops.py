@@ -16,12 +16,12 @@ _ILL_POSED = 1e-10  # smallest singular value of I - K D22 up to which a loop is
 
 @dataclass(eq=False)
 class ScaledPlant(GeneralizedPlant):
-    """Generalized plant with balanced states, and its derivatives by physical parameters.
+    """Generalized plant with balanced states, and its derivatives by plant parameters.
 
     Attributes
     ----------
     jacobian, hessian : ndarray or None
-        First and second derivatives of ``[[A, B], [C, D]]`` by physical parameters, (k, r, c) and (k, k, r, c).
+        First and second derivatives of ``[[A, B], [C, D]]`` by plant parameters, (k, r, c) and (k, k, r, c).
     order : int
         Order of the controller.
     """
@@ -86,7 +86,7 @@ class Closed:
     """Closed loop, and its derivatives by the controller's matrices ``[[A, B], [C, D]]``.
 
     A change ``d`` of the controller changes ``[[A, B], [C, D]]`` of the loop by ``before @ d @ after`` to first order;
-    ``around`` is the feedback of ``d`` on itself.  If the plant depends on physical parameters, ``d`` is block diagonal with
+    ``around`` is the feedback of ``d`` on itself.  If the plant depends on plant parameters, ``d`` is block diagonal with
     the changes of the controller's and of the plant's matrix.
     """
 

@@ -1,4 +1,4 @@
-"""Plants of a tuning problem: fixed ones, functions of physical parameters, or points of a family."""
+"""Plants of a tuning problem: fixed ones, functions of plant parameters, or points of a family."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ Maker = Callable[[dict[str, float]], GeneralizedPlant]
 
 
 class PlantPolynomial:
-    """Generalized plant whose matrices are Chebyshev series of physical parameters, normalized to -1 to 1.
+    """Generalized plant whose matrices are Chebyshev series of plant parameters, normalized to -1 to 1.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def _chebyshev(x: ca.SX, count: int) -> list[ca.SX]:
 
 @dataclass(frozen=True)
 class Model:
-    """Plant as a function of physical parameters.
+    """Plant as a function of plant parameters.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class Model:
 
     @cached_property
     def polynomial(self) -> PlantPolynomial:
-        """The plant as a polynomial of the physical parameters.
+        """The plant as a polynomial of the plant parameters.
 
         Raises
         ------
@@ -165,7 +165,7 @@ class Model:
 
 @dataclass(frozen=True)
 class Plants:
-    """Generalized plants with the same signals, as functions of the same physical parameters."""
+    """Generalized plants with the same signals, as functions of the same plant parameters."""
 
     models: tuple[Model, ...]
     physical: tuple[Physical, ...]
@@ -181,7 +181,7 @@ class Plants:
 
     @cached_property
     def middle(self) -> tuple[GeneralizedPlant, ...]:
-        """The plants in the middle of the physical parameters' ranges.
+        """The plants in the middle of the plant parameters' ranges.
 
         Raises
         ------
@@ -214,12 +214,12 @@ class Plants:
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """Stages on the derivatives by physical parameters."""
+        """Stages on the derivatives by plant parameters."""
         if not self.physical:
             return ()
         degrees = zip(*(model.polynomial.degrees for model in self.models), strict=True)
         named = (f"{item.name} {max(degree)}" for item, degree in zip(self.physical, degrees, strict=True))
-        return (f"physical parameters by polynomials of degree {', '.join(named)}",)
+        return (f"plant parameters by polynomials of degree {', '.join(named)}",)
 
 
 def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant:
@@ -236,18 +236,18 @@ def partitioned(P: Any, nmeas: int | None, ncon: int | None) -> GeneralizedPlant
 
 
 def build_plants(P: Any, nmeas: int | None, ncon: int | None, physical: tuple[Physical, ...]) -> Plants:
-    """Return the plants, from one or several systems or functions of the physical parameters."""
+    """Return the plants, from one or several systems or functions of the plant parameters."""
     many = tuple(P) if isinstance(P, (list, tuple)) else (P,)
     if not many:
         raise ValueError("P: expected at least one generalized plant")
     if physical and not any(callable(item) and not hasattr(item, "ninputs") for item in many):
-        function_of("P", many[0], f"the physical parameters ({', '.join(p.name for p in physical)})")
+        function_of("P", many[0], f"the plant parameters ({', '.join(p.name for p in physical)})")
 
     def maker(item: Any) -> Maker:
         if not physical or not callable(item) or hasattr(item, "ninputs"):
             plant = partitioned(item, nmeas, ncon)
             return lambda values: plant
-        make = function_of("P", item, "a mapping of physical parameters to a generalized plant")
+        make = function_of("P", item, "a mapping of plant parameters to a generalized plant")
         return lambda values: partitioned(make(values), nmeas, ncon)
 
     labels = ("",) if len(many) == 1 else tuple(f"model {i + 1}" for i in range(len(many)))
@@ -283,7 +283,7 @@ class FamilyPlants:
         return [i for i, name in enumerate(self.family.names) if name not in tuned]
 
     def plant(self, values: dict[str, float], point: Array) -> GeneralizedPlant:
-        """Return the generalized plant at values of the physical parameters and a point of the uncertain box."""
+        """Return the generalized plant at values of the plant parameters and a point of the uncertain box."""
         delta = self.family.normalize(values)
         delta[self.uncertain] = point
         model = self.family.at(delta)

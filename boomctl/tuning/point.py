@@ -115,7 +115,7 @@ class Point:
 
     @cached_property
     def plants(self) -> tuple[ScaledPlant, ...]:
-        """The plants at these physical parameters."""
+        """The plants at these plant parameters."""
         return self.problem.plants.scaled(self.x[self.problem.physical], self.problem.order)
 
     @cached_property

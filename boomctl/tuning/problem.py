@@ -88,7 +88,7 @@ class Problem:
 
     @cached_property
     def physical(self) -> Array:
-        """Indices of the physical parameters among the free parameters."""
+        """Indices of the plant parameters among the free parameters."""
         return np.array([i for i, item in enumerate(self.free) if item.kind == PHYSICAL], dtype=int)
 
     @cached_property
@@ -121,7 +121,7 @@ class Problem:
         return {item.name: item.value(number) for item, number in zip(self.free, x, strict=True)}
 
     def physical_values(self, x: Array) -> dict[str, float]:
-        """Return the physical parameters only."""
+        """Return the plant parameters only."""
         return {self.free[i].name: self.free[i].value(x[i]) for i in self.physical}
 
     @property

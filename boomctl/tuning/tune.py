@@ -73,7 +73,7 @@ def tune(
         loops are stabilized.  A function maps the tuned plant parameters, by name, to a plant, or, with
         ``family``, a `SecondOrderModel` of the family.
     nmeas, ncon : int, optional
-        Numbers of measurements and controls; both 0 if only physical parameters are tuned.  Optional then, and for results
+        Numbers of measurements and controls; both 0 if only plant parameters are tuned.  Optional then, and for results
         of `generalized_plant` or `mixed_sensitivity`.
     structure : ControllerForm
         Structure from `boomctl.tunable`: blocks are connected in parallel by ``+`` and in series by ``*``.
@@ -180,12 +180,12 @@ def _channels(channels: "Sequence[Channel] | None", norm: str) -> tuple[Channel,
 def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> tuple[int | None, int | None]:
     """Return the numbers of measurements and controls, None if they follow from names.
 
-    Both are zero if only physical parameters are tuned.
+    Both are zero if only plant parameters are tuned.
     """
     names = [item.name for item in structure.physicals()]
     for name in names:
         if names.count(name) > 1:
-            raise ValueError(f"structure: the physical parameter {name!r} is there twice")
+            raise ValueError(f"structure: the plant parameter {name!r} is there twice")
     passive = all(isinstance(part, Physical) for part in terms(structure))
     counts = [
         (what, n, whole(what, n, 0 if passive else 1))
@@ -193,7 +193,7 @@ def _counts(structure: ControllerForm, nmeas: int | None, ncon: int | None) -> t
         if n is not None
     ]
     if passive and any(n for _, n, _ in counts):
-        raise ValueError(f"nmeas, ncon = {nmeas}, {ncon}: expected 0, 0 for a structure of physical parameters alone")
+        raise ValueError(f"nmeas, ncon = {nmeas}, {ncon}: expected 0, 0 for a structure of plant parameters alone")
     return (0, 0) if passive else (nmeas, ncon)
 
 
@@ -207,7 +207,7 @@ def _family(
         low, high = checked.ranges[item.name]
         if item.low < low or item.high > high:
             raise ValueError(
-                f"physical {item.name!r} from {item.low:g} to {item.high:g}: expected a range within the family's,"
+                f"plant parameter {item.name!r} from {item.low:g} to {item.high:g}: expected a range within the family's,"
                 f" {low:g} to {high:g}"
             )
     return FamilyPlants(checked, make, nmeas, ncon, structure.physicals())

@@ -154,18 +154,18 @@ def test_without_torque_what_rests_stays_at_rest(model):
 def test_a_planned_torque_moves_the_beam_as_its_function_does(model, intervals):
     """Steps end at the corners, evenly spaced or not; those of FOAM resolve the axial modes that corners excite."""
     beam, rng = hub_beam(BAI, model, 2), np.random.default_rng(intervals)
-    history = bang_bang(np.array([0.7, 1.9, 2.2]), 3.0, 80.0, 1.0)
+    profile = bang_bang(np.array([0.7, 1.9, 2.2]), 3.0, 80.0, 1.0)
     if intervals is not None:
-        history = held(np.linspace(0.0, 3.0, intervals + 1), rng.uniform(-80.0, 80.0, intervals))
+        profile = held(np.linspace(0.0, 3.0, intervals + 1), rng.uniform(-80.0, 80.0, intervals))
     timepts = np.linspace(0.0, 3.0, 61)
-    found = beam.simulate(history, timepts, rtol=1e-10, atol=1e-14)
-    exact = collocated(beam, applied_torque(history, history.breakpoints), timepts, 1e-11)
+    found = beam.simulate(profile, timepts, rtol=1e-10, atol=1e-14)
+    exact = collocated(beam, applied_torque(profile, profile.breakpoints), timepts, 1e-11)
     assert found.stages == SWEPT
     assert np.abs(found.tip_displacement - exact.tip).max() <= 1e-9 * np.abs(exact.tip).max()
     ends = np.concatenate([
         p.begin + p.h * np.arange(p.force.shape[1] + 1) for p in found.details.args[2].states.func.windows
     ])  # fmt: skip
-    assert np.abs(ends[:, None] - history.edges).min(axis=0).max() <= 1e-9
+    assert np.abs(ends[:, None] - profile.edges).min(axis=0).max() <= 1e-9
 
 
 def test_modes_that_creep_are_left_to_collocation():

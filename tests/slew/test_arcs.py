@@ -11,8 +11,8 @@ import boomctl as bc
 from boomctl.slew.dynamics import kind_of, rates_of
 from boomctl.slew.end_map import end_map
 from boomctl.slew.least_time.arc_count import counted
-from boomctl.slew.least_time.newton import first_half, halved, least_time_arcs
-from boomctl.slew.least_time.switching import least_time
+from boomctl.slew.least_time.arcs import first_half, halved, least_time_arcs
+from boomctl.slew.least_time.linear import least_time
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.torque import bang_bang
@@ -30,8 +30,8 @@ def test_linear_plants_take_the_time_that_is_proved(modes):
     rigid = bang_bang(np.array([0.5 * problem.rigid_time]), problem.rigid_time, problem.limits.torque, 1.0)
     found, _ = least_time_arcs(problem, rigid)
     assert found is not None
-    assert found.history.duration == pytest.approx(exact.duration, rel=1e-8)
-    assert found.history.switching_times == pytest.approx(exact.switches, abs=1e-4)  # the time is flat there
+    assert found.profile.duration == pytest.approx(exact.duration, rel=1e-8)
+    assert found.profile.switching_times == pytest.approx(exact.switches, abs=1e-4)  # the time is flat there
 
 
 @pytest.mark.slow
@@ -41,34 +41,34 @@ def test_linear_plants_take_the_time_that_is_proved(modes):
 def test_pontryagin_integrated_anew(model, modes, payloads):
     """The costate by an independent integrator: its switching function vanishes at the switches and has the torque's sign."""
     problem = slew_problem(bc.hub_beam(LOADED, model=model, modes=modes), 1.2, Limits(180.0), tip_masses=payloads)
-    found, _ = least_time_arcs(problem, least_time(problem).history)
+    found, _ = least_time_arcs(problem, least_time(problem).profile)
     assert found is not None
-    history = found.history
-    t = np.linspace(0.0, history.duration, 1501)
-    near = np.abs(t[:, None] - history.switching_times).min(axis=1)
-    adjoint = _adjoint(problem, history, np.concatenate([history.switching_times, t]))
-    switches, rest = np.split(adjoint.T, [history.switching_times.size])
+    profile = found.profile
+    t = np.linspace(0.0, profile.duration, 1501)
+    near = np.abs(t[:, None] - profile.switching_times).min(axis=1)
+    adjoint = _adjoint(problem, profile, np.concatenate([profile.switching_times, t]))
+    switches, rest = np.split(adjoint.T, [profile.switching_times.size])
     # the costate is a combination of adjoints that the prescribed end allows; the last column is the Hamiltonian's
     weights = np.linalg.svd(switches / np.abs(rest).max(axis=0))[2][-1] / np.abs(rest).max(axis=0)
     p = rest @ weights
-    p *= np.sign(p[0]) * np.sign(history.start_values[0])
+    p *= np.sign(p[0]) * np.sign(profile.start_values[0])
     assert np.abs(switches @ weights).max() < 2e-5 * np.abs(p).max()
-    assert np.all((p * history(t) > 0.0)[(near > 2e-3) & (np.abs(p) > 1e-4 * np.abs(p).max())])
+    assert np.all((p * profile(t) > 0.0)[(near > 2e-3) & (np.abs(p) > 1e-4 * np.abs(p).max())])
 
 
-def _adjoint(problem, history, t):
+def _adjoint(problem, profile, t):
     """For every row of the prescribed end, what a torque at instants t does to it."""
     parts = problem.parts
-    return sum(_adjoint_of(plant, problem.start[own], problem.ends[:, own], history, t) for plant, own in parts)
+    return sum(_adjoint_of(plant, problem.start[own], problem.ends[:, own], profile, t) for plant, own in parts)
 
 
-def _adjoint_of(plant, start, rows, history, t):
+def _adjoint_of(plant, start, rows, profile, t):
     z, u = ca.SX.sym("z", plant.n), ca.SX.sym("u")
     kind, constants = kind_of(plant)
     f = ca.Function("f", [z, u], [rates_of(kind)(z, u, constants)])
     A = ca.Function("A", [z, u], [ca.densify(ca.jacobian(f(z, u), z))])
     b = ca.Function("b", [z, u], [ca.densify(ca.jacobian(f(z, u), u))])
-    spans = [*zip(history.edges[:-1], history.edges[1:], history.start_values, strict=True)]
+    spans = [*zip(profile.edges[:-1], profile.edges[1:], profile.start_values, strict=True)]
     pieces, answer = [], np.empty((rows.shape[0], t.size))
     for t0, t1, torque in spans:
         right = partial(lambda s, x, torque: np.array(f(x, torque)).ravel(), torque=torque)
@@ -110,7 +110,7 @@ def test_beams_without_damping_lead_back_in_time_as_they_lead_on(model):
 def test_linear_programs_find_number_of_arcs():
     """Three modes and a payload: the linear part switches 7 times, the beam 11 times."""
     problem = slew_problem(bc.hub_beam(LOADED, modes=3), np.pi / 2, Limits(200.0))
-    first = least_time(problem).history
+    first = least_time(problem).profile
     half = halved(problem)
     assert half is not None
     ends = end_map(half, first)

@@ -14,7 +14,7 @@ from boomctl.slew.nlp.refinement import refined
 from boomctl.slew.nlp.transcription import transcribe
 from boomctl.slew.objectives import Units
 from boomctl.slew.problem import Limits, slew_problem
-from boomctl.slew.replay import played, prescribed_error
+from boomctl.slew.replay import prescribed_error, replayed
 from tests.profiles import examples
 from tests.slew.systems import rigid
 
@@ -97,9 +97,9 @@ def test_limits_are_kept_on_a_dense_replay(beam, name, value):
 def test_collocation_of_points_is_of_twice_that_order(beam, points):
     problem, errors = slew_problem(beam, ANGLE, Limits(LIMIT), "effort", 3.6), []
     for intervals in (40, 80):
-        guess = guess_from(problem, least_effort(problem, 3.6, intervals).history, intervals)
+        guess = guess_from(problem, least_effort(problem, 3.6, intervals).profile, intervals)
         found = solve(prepare(problem, intervals, points, guess), problem, guess, problem.limits)
-        errors.append(prescribed_error(problem, played(problem, found.history)))
+        errors.append(prescribed_error(problem, replayed(problem, found.profile)))
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0 * points, abs=0.5)
 
 
@@ -161,8 +161,8 @@ def test_replanned_on_one_mesh_without_an_optimality_gap():
 def _programme(h, angle, limits, duration, intervals, **ask):
     """The least effort that a programme finds on a mesh, which knows nothing of closed forms."""
     problem = slew_problem(h, angle, limits, "effort", duration, intervals=intervals, **ask)
-    found = refined(problem, least_effort(problem, duration, intervals).history)
-    return found.history, found.gap
+    found = refined(problem, least_effort(problem, duration, intervals).profile)
+    return found.profile, found.gap
 
 
 def test_payloads_come_to_rest_together():
@@ -249,7 +249,7 @@ def test_least_effort_of_a_beam_is_what_a_programme_finds(limit, turn, change, l
 def test_joined_intervals_take_the_effort_of_a_mesh_half_as_fine(limits):
     problem = slew_problem(bc.hub_beam(modes=1), ANGLE, Limits(LIMIT, **limits), "effort", 4.0)
     fine, coarse = (effort_on_mesh(problem, 4.0, n, problem.limits) for n in (60, 30))
-    assert fine.more == pytest.approx(coarse.history.effort / fine.history.effort - 1.0, rel=1e-2)
+    assert fine.more == pytest.approx(coarse.profile.effort / fine.profile.effort - 1.0, rel=1e-2)
 
 
 @pytest.mark.slow

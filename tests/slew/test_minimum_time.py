@@ -13,8 +13,8 @@ from scipy import linalg
 
 import boomctl as bc
 from boomctl.lti.hold import linear_hold
-from boomctl.slew.least_time import switching
-from boomctl.slew.least_time.switching import least_time, misfit, rigid_and_slowest, switching_function, time_gap
+from boomctl.slew.least_time import linear
+from boomctl.slew.least_time.linear import least_time, misfit, rigid_and_slowest, switching_function, time_gap
 from boomctl.slew.plant import plant_of
 from boomctl.slew.problem import Limits, slew_problem
 from boomctl.slew.replay import _linear_motion
@@ -235,14 +235,14 @@ def test_the_switching_function_is_the_costate_carried_back(modes):
 def test_linear_replay_exact_for_linear_torque():
     """Against the exponential of the whole: Taylor's maps, shared by the steps of an interval, leave rounding alone."""
     plant = plant_of(bc.hub_beam(modes=2).linearize())
-    history = TorqueProfile(np.array([0.0, 0.3, 1.0, 1.7]), np.array([5.0, -2.0, 1.0]), np.array([5.0, 3.0, 0.0]))
-    times = np.unique(np.concatenate([np.linspace(0.0, 1.7, 20), history.edges]))
-    states = _linear_motion(plant, history, np.zeros(plant.n), times) @ plant.from_state.T
+    profile = TorqueProfile(np.array([0.0, 0.3, 1.0, 1.7]), np.array([5.0, -2.0, 1.0]), np.array([5.0, 3.0, 0.0]))
+    times = np.unique(np.concatenate([np.linspace(0.0, 1.7, 20), profile.edges]))
+    states = _linear_motion(plant, profile, np.zeros(plant.n), times) @ plant.from_state.T
     state, expected = np.zeros(plant.n), [np.zeros(plant.n)]
     for a, b in pairwise(times):
         first, last = (
-            history(a),
-            history.end_values[np.searchsorted(history.edges, b) - 1] if b in history.edges else history(b),
+            profile(a),
+            profile.end_values[np.searchsorted(profile.edges, b) - 1] if b in profile.edges else profile(b),
         )
         Phi, G, H = linear_hold(plant.A, plant.B[:, None], b - a)
         state = Phi @ state + G[:, 0] * first + H[:, 0] * (last - first)
@@ -267,11 +267,11 @@ def test_an_angle_in_degrees_and_a_slew_played_on_another_beam():
     with pytest.raises(ValueError, match="edges: expected finite numbers"):
         replace(listed, edges=listed.edges * np.nan)
     loaded = bc.hub_beam(modes=1, tip_mass=0.1)
-    played = loaded.simulate(
+    replayed = loaded.simulate(
         bc.maneuvers.applied_torque(slew.torque_profile, breakpoints=slew.torque_profile.breakpoints), slew.time
     )
-    assert_allclose(loaded.simulate(slew).tip_displacement, played.tip_displacement, atol=1e-12)
-    assert_allclose(loaded.simulate(slew.torque_profile, slew.time).hub_angle, played.hub_angle, atol=1e-12)
+    assert_allclose(loaded.simulate(slew).tip_displacement, replayed.tip_displacement, atol=1e-12)
+    assert_allclose(loaded.simulate(slew.torque_profile, slew.time).hub_angle, replayed.hub_angle, atol=1e-12)
     with pytest.raises(TypeError, match="timepts: expected times"):
         loaded.simulate(slew.torque_profile)
     moving = bc.optimal_slew(beam.linearize(), 0.5, 200.0, initial_state=[0.0, 0.0, 0.1, 0.0])
@@ -290,9 +290,9 @@ def linear_problem(modes, tip_mass=0.1, angle=np.pi / 2, limit=200.0):
 )
 def test_least_squares_and_linear_program_agree(modes, tip_mass, angle, limit, monkeypatch):
     asked = linear_problem(modes, tip_mass, angle, limit)
-    found = switching.least_time(asked)
-    monkeypatch.setattr(switching, "_reweighted", lambda *_: None)
-    expected = switching.least_time(asked)
+    found = linear.least_time(asked)
+    monkeypatch.setattr(linear, "_reweighted", lambda *_: None)
+    expected = linear.least_time(asked)
     assert found.duration == pytest.approx(expected.duration, rel=1e-13)
     assert found.switches == pytest.approx(expected.switches, abs=1e-10 * expected.duration)
 
@@ -300,9 +300,9 @@ def test_least_squares_and_linear_program_agree(modes, tip_mass, angle, limit, m
 def test_too_few_switches_are_not_taken_for_converged():
     """Solved in least squares, Newton's steps end there too, but the end state is missed."""
     asked = linear_problem(3, 0.0, -2.0, 400.0)
-    right = switching.least_time(asked)
-    fewer = switching.replace(right, switches=np.delete(right.switches, [3, 4]))
-    assert switching._newton(asked, switching._fitted(asked, fewer)) is None
+    right = linear.least_time(asked)
+    fewer = linear.replace(right, switches=np.delete(right.switches, [3, 4]))
+    assert linear._newton(asked, linear._fitted(asked, fewer)) is None
 
 
 @pytest.mark.parametrize(
@@ -324,6 +324,6 @@ def test_minimum_time_between_moving_states_matches_closed_form(turn):
 def test_search_on_a_grid_from_a_guess_far_below_the_time(factor):
     problem = slew_problem(two_masses(), 1.0, Limits(1.0))
     exact = two_masses_exact()[0]
-    result = switching._on_grid(problem, factor * exact, switching._GRIDS[0], switching._programmed)
+    result = linear._on_grid(problem, factor * exact, linear._GRIDS[0], linear._programmed)
     assert result is not None
     assert result.duration == pytest.approx(exact, rel=2e-3)

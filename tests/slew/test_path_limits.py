@@ -30,11 +30,11 @@ def flexible(seed):
     return control.ss(A, np.concatenate([np.zeros(n), B])[:, None], L, 0.0, **names)
 
 
-def motion(system, history):
+def motion(system, profile):
     """Return the states over time by DOP853, a function for each interval of the torque."""
     x, pieces = np.zeros(system.nstates), []
     for t0, t1, u0, u1 in zip(
-        history.edges[:-1], history.edges[1:], history.start_values, history.end_values, strict=True
+        profile.edges[:-1], profile.edges[1:], profile.start_values, profile.end_values, strict=True
     ):
 
         def rates(t, x, t0=t0, t1=t1, u0=u0, u1=u1):
@@ -46,12 +46,12 @@ def motion(system, history):
     return pieces
 
 
-def peaks(system, history):
+def peaks(system, profile):
     """Return the largest absolute tip displacement, moment and speed on grids that close in on each peak."""
     rows, top = np.vstack([system.C[1:], system.C[0] @ system.A]), np.zeros(3)
-    for t0, t1, piece in zip(history.edges[:-1], history.edges[1:], motion(system, history), strict=True):
+    for t0, t1, piece in zip(profile.edges[:-1], profile.edges[1:], motion(system, profile), strict=True):
         for i, row in enumerate(rows):
-            grid = np.linspace(t0, t1, max(20, int(40_000 * (t1 - t0) / history.duration) // 10))
+            grid = np.linspace(t0, t1, max(20, int(40_000 * (t1 - t0) / profile.duration) // 10))
             for _ in range(3):
                 sizes = np.abs(row @ piece(grid))
                 if sizes.max() < 0.99 * top[i]:
@@ -73,13 +73,13 @@ def test_path_peak_equals_peak_of_dense_integration(seed):
     """Values alone, at 40 times in a period of the fastest mode, miss up to 3e-3 of the peak."""
     rng, system = np.random.default_rng(seed), flexible(seed)
     plant, duration = plant_of(system), rng.uniform(1.5, 4.0)
-    history = random_torque(rng, duration, bool(seed % 2))
+    profile = random_torque(rng, duration, bool(seed % 2))
     steps = int(40 * np.abs(plant.poles.imag).max() * duration / (2.0 * np.pi))
-    time = np.union1d(np.linspace(0.0, duration, steps), history.edges)
-    pieces, places = motion(system, history), np.searchsorted(history.edges, time[1:]) - 1
+    time = np.union1d(np.linspace(0.0, duration, steps), profile.edges)
+    pieces, places = motion(system, profile), np.searchsorted(profile.edges, time[1:]) - 1
     states = np.array([np.zeros(plant.n), *(pieces[k](t) for k, t in zip(places, time[1:], strict=True))])
-    for kind, top in peaks(system, history).items():
-        assert path_peak(plant, kind, history, time, states @ plant.from_state.T) == pytest.approx(top, rel=1e-9)
+    for kind, top in peaks(system, profile).items():
+        assert path_peak(plant, kind, profile, time, states @ plant.from_state.T) == pytest.approx(top, rel=1e-9)
 
 
 _KINDS = ("tip", "moment", "speed")
@@ -111,15 +111,15 @@ def test_path_limits_hold_between_times_of_replay(seed, kind, objective):
 def test_path_peak_of_beam_equals_peak_on_dense_times(model):
     beam = bc.hub_beam(model=model, modes=2)
     plant, rng = plant_of(beam), np.random.default_rng(0)
-    history = random_torque(rng, 2.0, True)
-    history = TorqueProfile(history.edges, 100.0 * history.start_values, 100.0 * history.end_values)
+    profile = random_torque(rng, 2.0, True)
+    profile = TorqueProfile(profile.edges, 100.0 * profile.start_values, 100.0 * profile.end_values)
     time = np.union1d(
-        np.linspace(0.0, 2.0, int(40 * np.abs(plant.poles.imag).max() * 2.0 / (2.0 * np.pi))), history.edges
+        np.linspace(0.0, 2.0, int(40 * np.abs(plant.poles.imag).max() * 2.0 / (2.0 * np.pi))), profile.edges
     )
     coarse, dense = (
-        plant.coordinates(beam.simulate(history, t, rtol=1e-11, atol=1e-14).states)
+        plant.coordinates(beam.simulate(profile, t, rtol=1e-11, atol=1e-14).states)
         for t in (time, np.concatenate([np.linspace(a, b, 60, endpoint=False) for a, b in pairwise(time)]))
     )
     for kind in ("tip", "moment", "speed"):
         top = np.abs(dense @ plant.rows[kind]).max()
-        assert path_peak(plant, kind, history, time, coarse) == pytest.approx(top, rel=1e-7)
+        assert path_peak(plant, kind, profile, time, coarse) == pytest.approx(top, rel=1e-7)

@@ -1,4 +1,4 @@
-"""Controllers of a given structure: exact optima, gradients, several models, limits, physical parameters, families."""
+"""Controllers of a given structure: exact optima, gradients, several models, limits, plant parameters, families."""
 
 import signal
 import threading
@@ -277,7 +277,7 @@ def test_max_gain_of_unstable_controller_is_its_response_peak():
     assert (value, excess) == pytest.approx((1.5, -0.25))
 
 
-# -- physical parameters and families ---------------------------------------------------------------------------------
+# -- plant parameters and families ---------------------------------------------------------------------------------
 
 
 @pytest.mark.slow

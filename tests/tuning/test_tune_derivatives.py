@@ -13,7 +13,7 @@ from boomctl.tuning.plants import FamilyPlants, build_plants
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import Response
-from boomctl.tuning.solver.bundle import least, peak_hessian
+from boomctl.tuning.solver.polish import least, peak_hessian
 from tests.profiles import examples
 from tests.tuning.test_tune import family, swing, weighed
 
@@ -159,7 +159,7 @@ def moving(seed, norm):
 
     tuned = Physical("p", -1.0, 1.0), Physical("q", -1.0, 1.0)
     plants = build_plants([make], 2, 2, tuned)
-    assert plants.stages == ("physical parameters by polynomials of degree p 1, q 2",)
+    assert plants.stages == ("plant parameters by polynomials of degree p 1, q 2",)
     structure = T.state_space(1, strictly_proper=norm == "h2") + tuned[0] + tuned[1]
     problem = Problem.of(structure, plants, (T.objective(norm="h2" if norm == "h2" else "hinf"),), {})
     x = 0.1 * rng.normal(size=len(problem.free))
@@ -217,7 +217,7 @@ def test_gradient_of_moving_plant_is_its_difference(norm, seed):
 def test_physical_peak_hessian_matches_differences():
     tuned = Physical("k", 2.0, 6.0), Physical("c", 0.1, 1.0)
     plants = FamilyPlants(family(), weighed, 1, 1, tuned).plants()
-    assert plants.stages == ("physical parameters by polynomials of degree k 1, c 1",)
+    assert plants.stages == ("plant parameters by polynomials of degree k 1, c 1",)
     problem = Problem.of(T.state_space(2) + tuned[0] + tuned[1], plants, (T.objective(),), {})
     x = 0.02 * np.random.default_rng(0).normal(size=len(problem.free))
     x[problem.physical] = 0.2
@@ -261,7 +261,7 @@ def test_a_mass_is_a_polynomial_of_some_degree():
         return control.ss([[0.0, 1.0], [-4.0 / m, -0.5 / m]], [[0.0], [1.0 / m]], [[1.0, 0.0]], 0.0)
 
     found = build_plants([make], 0, 0, (Physical("m", 1.0, 2.0),)).stages
-    assert found == ("physical parameters by polynomials of degree m 18",)  # coefficients fall by (3 + sqrt(8)) each
+    assert found == ("plant parameters by polynomials of degree m 18",)  # coefficients fall by (3 + sqrt(8)) each
 
 
 def chain(values):
@@ -316,7 +316,7 @@ def test_no_plant_is_made_once_it_is_a_polynomial():
         )
 
     found = bc.tune(make, 0, 0, T.plant_parameter("c", 0.05, 5.0), n_starts=2)
-    assert "physical parameters by polynomials of degree c 1" in found.certificate.stages
+    assert "plant parameters by polynomials of degree c 1" in found.certificate.stages
     assert len(asked) < 40  # to find the polynomial, to compare it, and to verify what was found
 
 

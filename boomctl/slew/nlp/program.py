@@ -47,9 +47,9 @@ _LEAST_TIME = 1e-3  # lower bound of the scaled duration, to keep it positive
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Solution of a nonlinear program: torque history, cost, iterations, and data for a warm start."""
+    """Solution of a nonlinear program: torque profile, cost, iterations, and data for a warm start."""
 
-    history: TorqueProfile
+    profile: TorqueProfile
     cost: float
     nit: int
     raw: dict[str, Array] = field(repr=False)
@@ -119,9 +119,9 @@ def solve(t: Transcription, problem: SlewProblem, start: Guess | Solution, limit
             raise LimitsTooTightError(message, excess)
         raise SlewError(message)
     edges, torques = np.linspace(0.0, duration, t.intervals + 1), x[t.layout.torques] * t.units.torque
-    history = ramped(edges, torques) if problem.ramps else held(edges, torques)
+    profile = ramped(edges, torques) if problem.ramps else held(edges, torques)
     again = {"x0": x, **{f"{name}0": np.array(raw[name]).ravel() for name in ("lam_x", "lam_g")}}
-    return Solution(history, unit * float(raw["f"]), int(statistics["iter_count"]), again)
+    return Solution(profile, unit * float(raw["f"]), int(statistics["iter_count"]), again)
 
 
 def _solved(

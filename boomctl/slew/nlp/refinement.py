@@ -11,7 +11,7 @@ from boomctl.slew.linear import Guess, guess_from
 from boomctl.slew.nlp.program import Solution, prepare, solve
 from boomctl.slew.nlp.transcription import Transcription
 from boomctl.slew.problem import MESH_GAP, MESHES, ROUNDS, Limits, SlewProblem
-from boomctl.slew.replay import Candidate, played, prescribed_error, violation
+from boomctl.slew.replay import Candidate, prescribed_error, replayed, violation
 from boomctl.slew.torque import TorqueProfile
 
 _TOO_MUCH = 0.05  # violation of limits on a mesh above which finer meshes are assumed infeasible too
@@ -78,7 +78,7 @@ def _on_finer_meshes(problem: SlewProblem, first: TorqueProfile, solutions: list
             took = problem.deadline.elapsed - start_time
         gap = _gap(candidate, solutions[-1]) if solutions else np.inf
         solutions.append(replace(candidate, gap=gap, stages=stages))
-        first = candidate.history
+        first = candidate.profile
         if gap < MESH_GAP:
             break
     if not solutions:
@@ -93,13 +93,13 @@ def _gap(candidate: Candidate, other: Candidate) -> float:
 
 def _compared(problem: SlewProblem, candidate: Candidate) -> Candidate:
     """Set the gap to the change of the cost on a mesh half as fine, or twice as fine if that has no solution."""
-    intervals = candidate.history.start_values.size
+    intervals = candidate.profile.start_values.size
     points = candidate.program.points
     # with fewer than two intervals per end condition no unknowns would remain free
     halved = [(intervals // 2, min(points + 1, _HIGHEST))] if intervals >= 4 * problem.ends.shape[0] else []
     for count, degree in (*halved, (2 * intervals, points)):
         try:
-            return replace(candidate, gap=_gap(candidate, _rough(problem, candidate.history, count, degree)))
+            return replace(candidate, gap=_gap(candidate, _rough(problem, candidate.profile, count, degree)))
         except OutOfTimeError as over:
             return replace(candidate, stages=(*candidate.stages, f"out of time: {over}"))
         except SlewError:
@@ -116,10 +116,10 @@ def _rough(problem: SlewProblem, first: TorqueProfile, intervals: int, points: i
 
 def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
     """Add points and tighten the limits until a replay satisfies the end and the limits between the nodes too."""
-    candidate, intervals = rough, rough.history.start_values.size
+    candidate, intervals = rough, rough.profile.start_values.size
     for points in range(candidate.program.points, _HIGHEST + 1):
         if points > candidate.program.points:
-            candidate = _rough(problem, candidate.history, intervals, points)
+            candidate = _rough(problem, candidate.profile, intervals, points)
         candidate = within_limits(problem, candidate)
         assert candidate.motions is not None
         if prescribed_error(problem, candidate.motions) <= problem.rtol:
@@ -133,15 +133,15 @@ def _verified(problem: SlewProblem, rough: Candidate) -> Candidate:
 def solved(problem: SlewProblem, program: Transcription, start: Guess | Solution, limits: Limits) -> Candidate:
     """Solve a nonlinear program."""
     solution = solve(program, problem, start, limits)
-    return Candidate(solution.history, "collocation", np.inf, "stationary", program, solution)
+    return Candidate(solution.profile, "collocation", np.inf, "stationary", program, solution)
 
 
 def within_limits(problem: SlewProblem, candidate: Candidate) -> Candidate:
     """Replay a solution; while it meets the end but exceeds limits, tighten these and solve again."""
     limits, worst = problem.limits, np.inf
     for _ in range(ROUNDS):
-        motions = played(problem, candidate.history)
-        excess = violation(problem, candidate.history, motions)
+        motions = replayed(problem, candidate.profile)
+        excess = violation(problem, candidate.profile, motions)
         worst = max((excess[kind] for kind in limits.without_torque), default=0.0)
         # relative excess at the rounding error of the integrator
         if worst <= ALIKE or prescribed_error(problem, motions) > problem.rtol:

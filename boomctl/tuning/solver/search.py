@@ -14,8 +14,8 @@ from boomctl.progress import Deadline, OutOfTimeError, tell
 from boomctl.tuning.initial import QUIET
 from boomctl.tuning.point import Point
 from boomctl.tuning.problem import Problem
-from boomctl.tuning.solver.bundle import Polish
 from boomctl.tuning.solver.descent import descend
+from boomctl.tuning.solver.polish import Polish
 
 _STABILIZING = 300  # steps of the descent of the spectral abscissa at most
 _DESCENDING, _POLISHING = 5, 60  # steps of a descent and of a polish at most; polishing is more efficient

@@ -205,7 +205,7 @@ def _end(beam: AssumedModesBeam, torques: Array, lengths: Array, substeps: int) 
     return np.array(state).ravel()
 
 
-def end_error(slew: Slew, history: TorqueProfile) -> float:
+def end_error(slew: Slew, profile: TorqueProfile) -> float:
     """Return the error at the end of a held torque: the largest of angle [rad], hub speed [rad/s] and tip [m].
 
     Raises
@@ -213,11 +213,11 @@ def end_error(slew: Slew, history: TorqueProfile) -> float:
     ValueError
         The torque is not held on its intervals.
     """
-    if np.any(history.start_values != history.end_values):
-        raise ValueError("history: expected a torque that is held on each interval")
-    size, lengths = slew.beam.equations.size, np.diff(history.edges)
+    if np.any(profile.start_values != profile.end_values):
+        raise ValueError("profile: expected a torque that is held on each interval")
+    size, lengths = slew.beam.equations.size, np.diff(profile.edges)
     substeps = int(np.ceil(lengths.max() * slew.beam.equations.frequency_range[1] / _PHASE))
-    end = _end(slew.beam, history.start_values, lengths, substeps)
+    end = _end(slew.beam, profile.start_values, lengths, substeps)
     tip = slew.beam.equations.tip.transverse @ end[1:size]
     return float(max(abs(end[0] - slew.angle), abs(end[size]), abs(tip)))
 

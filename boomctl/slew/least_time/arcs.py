@@ -49,10 +49,10 @@ class _Arcs:
     wrong: float = np.inf
 
     @staticmethod
-    def of(history: TorqueProfile) -> "_Arcs":
-        return _Arcs(np.diff(history.edges), float(np.sign(history.start_values[0])))
+    def of(profile: TorqueProfile) -> "_Arcs":
+        return _Arcs(np.diff(profile.edges), float(np.sign(profile.start_values[0])))
 
-    def history(self, limit: float) -> TorqueProfile:
+    def profile(self, limit: float) -> TorqueProfile:
         edges = np.cumsum(self.durations)
         return bang_bang(edges[:-1], float(edges[-1]), limit, self.sign)
 
@@ -79,7 +79,7 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candida
         if best is not None and best.wrong < _ENOUGH * problem.planning_rtol:
             break
         try:
-            torque = counted(ends, start if best is None else best.history(problem.limits.torque), intervals)
+            torque = counted(ends, start if best is None else best.profile(problem.limits.torque), intervals)
         except SlewError:  # a motion overflows
             if best is None:
                 raise
@@ -90,15 +90,15 @@ def least_time_arcs(problem: SlewProblem, first: TorqueProfile) -> tuple[Candida
     result = None if best is None else _refined(ends, best)
     if result is None or result.gap >= _EXTREMAL:
         return None, ("durations of arcs: none found",)
-    return (replace(result, history=doubled(result.history)) if half else result), stages
+    return (replace(result, profile=doubled(result.profile)) if half else result), stages
 
 
-def led_to_end(ends: EndMap, history: TorqueProfile, defect: Array) -> TorqueProfile | None:
+def led_to_end(ends: EndMap, profile: TorqueProfile, defect: Array) -> TorqueProfile | None:
     """Correct the durations of a torque's arcs for a residual of the scaled end; None if an arc would vanish."""
-    arcs = _Arcs.of(history)
+    arcs = _Arcs.of(profile)
     steps = ends.steps(arcs.sign, arcs.durations, _counts(ends, arcs.durations))
     d = arcs.durations - np.linalg.lstsq(ends.sensitivity(steps).by_duration, defect, rcond=None)[0]
-    return replace(arcs, durations=d).history(ends.problem.limits.torque) if d.min() > _shortest(ends, d) else None
+    return replace(arcs, durations=d).profile(ends.problem.limits.torque) if d.min() > _shortest(ends, d) else None
 
 
 def _refined(ends: EndMap, arcs: _Arcs) -> Candidate | None:
@@ -115,10 +115,10 @@ def _refined(ends: EndMap, arcs: _Arcs) -> Candidate | None:
     settled = _stationary(ends, arcs, finer)
     if settled is None:
         return None
-    history = settled.history(ends.problem.limits.torque)
+    profile = settled.profile(ends.problem.limits.torque)
     time_error = float(np.abs(settled.weights).sum()) * error / _FOURTH_ORDER
-    gap = settled.wrong + (settled.predicted + time_error) / history.duration
-    return Candidate(history, "switching times", gap, "extremal")
+    gap = settled.wrong + (settled.predicted + time_error) / profile.duration
+    return Candidate(profile, "switching times", gap, "extremal")
 
 
 def _corrected(ends: EndMap, arcs: _Arcs, finer: int) -> tuple[_Arcs | None, float]:
@@ -218,17 +218,17 @@ def halved(problem: SlewProblem) -> SlewProblem | None:
     return replace(problem, ends=np.eye(problem.start.size)[np.concatenate(rows)], target=0.5 * problem.target)
 
 
-def first_half(history: TorqueProfile) -> TorqueProfile:
+def first_half(profile: TorqueProfile) -> TorqueProfile:
     """Return a torque up to the middle of its duration."""
-    middle = 0.5 * history.duration
+    middle = 0.5 * profile.duration
     # an edge counts as before the middle if the distance exceeds rounding error
-    inner = history.edges[history.edges < middle * (1.0 - SUMMED)]
+    inner = profile.edges[profile.edges < middle * (1.0 - SUMMED)]
     edges = np.append(inner, middle)
-    return held(edges, history.start_values[: inner.size])
+    return held(edges, profile.start_values[: inner.size])
 
 
-def doubled(history: TorqueProfile) -> TorqueProfile:
+def doubled(profile: TorqueProfile) -> TorqueProfile:
     """Return a torque that is held on arcs, followed by its negative mirror image."""
-    widths = np.diff(history.edges)
+    widths = np.diff(profile.edges)
     edges = np.concatenate([[0.0], np.cumsum(np.concatenate([widths, widths[::-1]]))])
-    return held(edges, np.concatenate([history.start_values, -history.start_values[::-1]]))
+    return held(edges, np.concatenate([profile.start_values, -profile.start_values[::-1]]))

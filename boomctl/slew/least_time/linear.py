@@ -67,7 +67,7 @@ class Extremal:
     costate: Array
 
     @property
-    def history(self) -> TorqueProfile:
+    def profile(self) -> TorqueProfile:
         """The torque."""
         return bang_bang(self.switches, self.duration, self.limit, self.sign)
 
@@ -116,7 +116,7 @@ def _fastest(problem: SlewProblem, guess: float) -> tuple[Extremal | None, bool]
     the end can be reached on a grid.
     """
     feasible = False
-    grids = _GRIDS if problem.waits else _GRIDS[:1]
+    grids = _GRIDS if problem.can_wait else _GRIDS[:1]
     for intervals, least_sum in ((_GRIDS[0], _reweighted), *((count, _programmed) for count in grids)):
         if problem.fastest_vibration * guess / intervals > _BLIND and intervals != _GRIDS[-1]:
             continue
@@ -141,7 +141,7 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
     """
     logarithms, peaks, weights = [math.log(guess)], [], np.ones(intervals)
     # where more time may be infeasible, the least time is approached from below
-    longest, tries = (1.0, _SECANTS) if problem.waits else (_CAREFUL, int(_FAR / _CAREFUL))
+    longest, tries = (1.0, _SECANTS) if problem.can_wait else (_CAREFUL, int(_FAR / _CAREFUL))
     while len(peaks) < tries:
         problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
         duration = math.exp(logarithms[-1])
