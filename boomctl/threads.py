@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 _LARGE = 1500  # States of a system from which the user's BLAS threads are used: two threads save time above 1,600.
 _HELD = ("_of", "nominal", "model", "system")  # attributes of records that hold a system
-_LOADERS = ("scipy.linalg", "slycot")  # Modules with a BLAS library in addition to that of NumPy.
+# Compiled modules with a BLAS library each, which may be the same.
+_LOADERS = ("numpy.linalg._umath_linalg", "scipy.linalg._fblas", "slycot._wrapper")
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -78,11 +79,24 @@ class _OneBlasThread:
 
 
 def _libraries() -> "dict[bool, list[LibController]]":
-    """Return the BLAS libraries that are loaded, by whether their numbers of threads belong to threads of Python."""
-    from threadpoolctl import ThreadpoolController  # the import and the search take some 2 ms each
+    """Return the BLAS libraries of the modules, by whether their numbers of threads belong to threads of Python.
 
+    The functions of a library are found through the module that is linked with it.  Otherwise, as on Windows, all
+    libraries of the process are searched, which takes ten times as long.
+    """
+    from ctypes import CDLL
+
+    from threadpoolctl import LibController, ThreadpoolController  # takes 2 ms
+
+    kinds, found = [kind for kind in LibController.__subclasses__() if kind.user_api == "blas"], []
+    try:
+        for file in [sys.modules[name].__file__ for name in _LOADERS if name in sys.modules]:
+            linked = CDLL(file)
+            found.append(next(k(filepath=file) for k in kinds if any(hasattr(linked, s) for s in k.check_symbols)))
+    except (AttributeError, OSError, StopIteration):
+        found = ThreadpoolController().select(user_api="blas").lib_controllers
     result: dict[bool, list[LibController]] = {False: [], True: []}
-    for library in ThreadpoolController().select(user_api="blas").lib_controllers:
+    for library in found:
         own = library.internal_api == "openblas" and getattr(library, "threading_layer", "") == "openmp"
         result[own].append(library)
     return result
