@@ -213,7 +213,8 @@ class SecondOrderModel:
 
     @cached_property
     def _primary(self) -> SecondOrderModel:
-        return self if self.ports.primary is None else self.select(*self.ports.primary)
+        first = self.ports.primary
+        return self if first in (None, (self.ports.inputs, self.ports.outputs)) else self.select(*first)
 
     def between(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None

@@ -61,7 +61,7 @@ class StrainForm:
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
         """Mass, damping and stiffness matrix over these coordinates."""
-        return self.N.T @ self.N, self.C, np.diag((np.arange(len(self.V)) < self.strains).astype(float))
+        return self.N.T @ self.N, self.C, np.diag(np.arange(len(self.V)) < self.strains).astype(float)
 
     def ports_matrices(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
