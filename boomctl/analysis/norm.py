@@ -12,7 +12,7 @@ order:
 3. If rounding error of the entries may decide, exact arithmetic (:mod:`boomctl.lti.proof`), up to `EXACT_STATES` states.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from math import inf, isfinite, log2, nan
@@ -215,7 +215,7 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
         rounding = error
     else:
         points = [] if bounded.error <= _ROUNDING_LIMIT * peak else least_damped(system.rates)
-        rounding = rounding_of(original, np.append(omega if isfinite(omega) else 0.0, points))
+        rounding = rounding_of(original, [omega if isfinite(omega) else 0.0, *points])
     lower = max(peak - rounding, 0.0)
     if in_modes:
         upper = peak * (1.0 + LEVEL) + 2.0 * error  # Of the system, and of the sum over its modes.
@@ -426,14 +426,14 @@ def least_damped(rates: Array, band: tuple[float, float] = (0.0, inf)) -> Array:
     return omega[(omega >= band[0]) & (omega <= band[1])][:_LEAST_DAMPED]
 
 
-def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
+def rounding_of(original: System, omega: Iterable[float], error: float = 0.0) -> float:
     """Return a bound on the rounding error of the response at frequencies, of entries and solution; ``inf`` at a pole.
 
     ``error`` is an additional error of each entry of ``A``.
     """
     system, size, worst = original.system, original.magnitudes, 0.0
     for w in omega if len(system.A) and system.D.size else []:
-        pencil, point = -system.A.astype(complex), system.boundary(w)
+        pencil, point = np.negative(system.A, dtype=complex), system.boundary(w)
         pencil.flat[:: len(pencil) + 1] += point
         factors, swapped, singular = lapack.zgetrf(pencil)
         if singular:
@@ -441,7 +441,7 @@ def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
         acting, reading = (lapack.zgetrs(factors, swapped, X, trans=k)[0] for k, X in enumerate((system.B, system.C.T)))
         with np.errstate(invalid="ignore", over="ignore"):
             states = np.abs(acting)
-            left = np.abs(system.B + system.A @ acting - point * acting)
+            left = np.abs(system.B - pencil @ acting)
             change = DIGIT * (size.A @ states + size.B + abs(point) * states) + left + error * states.sum(axis=0)
             off = np.abs(reading).T @ change + DIGIT * (size.C @ states + size.D)
             rounding = float(off.max()) * system.D.size**0.5
