@@ -40,6 +40,8 @@ class Row:
         return Row(factor * self.terms, size * self.sizes)
 
     def __add__(self, other: "Row") -> "Row":
+        if not (self.terms.ndim and other.terms.ndim):  # one is zero
+            return self if self.terms.ndim else other
         total, size = self.terms + other.terms, np.maximum(self.sizes, other.sizes)
         significant = np.abs(total) > CANCELLED * size
         return Row(np.where(significant, total, 0.0), np.where(significant, size, 0.0))

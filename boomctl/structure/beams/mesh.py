@@ -74,7 +74,7 @@ class BeamMesh:
 
     def interpolation(self, station: float, derivative: int) -> tuple[Array, Array]:
         """Return indices and coefficients of deflection (``derivative`` 0) or slope (1) at ``station``."""
-        e = int(np.clip(np.searchsorted(self.nodes, station, side="right") - 1, 0, len(self.nodes) - 2))
+        e = min(max(int(self.nodes.searchsorted(station, side="right")) - 1, 0), len(self.nodes) - 2)
         near = e if station - self.nodes[e] <= self.nodes[e + 1] - station else e + 1
         per_node = self.order - 1
         if abs(station - self.nodes[near]) <= 1e-12 * (self.nodes[-1] - self.nodes[0]):
