@@ -13,16 +13,12 @@ from collections.abc import Callable
 from functools import partial, wraps
 from itertools import chain
 from threading import Lock, get_ident
-from typing import TYPE_CHECKING, Any, TypeVar, cast
-
-if TYPE_CHECKING:
-    from threadpoolctl import LibController
+from typing import Any, TypeVar, cast
 
 _LARGE = 1500  # States of a system from which the user's BLAS threads are used: two threads save time above 1,600.
 _HELD = ("_of", "nominal", "model", "system")  # attributes of records that hold a system
 # Compiled modules with a BLAS library each, which may be the same.
 _LOADERS = ("numpy.linalg._umath_linalg", "scipy.linalg._fblas", "slycot._wrapper")
-
 # Names of the functions of OpenBLAS, which depend on who compiled it.
 _NAMES = [f"{prefix}openblas_{{}}{suffix}" for prefix in ("", "scipy_") for suffix in ("", "64_", "_64")]
 
@@ -111,7 +107,7 @@ def _libraries() -> dict[bool, list[_Library]]:
     return result
 
 
-def _set_threads(library: "LibController", threads: int) -> None:
+def _set_threads(library: Any, threads: int) -> None:
     """Set a number of threads, from any thread of Python: threadpoolctl leaves that to the first one until it is cleared."""
     clear = getattr(library, "clear_controlling_thread", lambda force: None)
     clear(force=True)

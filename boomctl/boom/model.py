@@ -153,9 +153,9 @@ def _attached_nodes(p: BoomParameters, elements: int) -> tuple[float, ...]:
     inner = 2 if elements < 20 else 4
     outer = (elements - inner) // 2
     half, spring = p.length / 2, p.spring_distance / 2
-    left, middle = np.linspace(-half, -spring, outer + 1), np.linspace(-spring, spring, inner + 1)
-    x = np.concatenate([left[:-1], middle, -left[-2::-1]])
-    return tuple(x + half)
+    left = [k * ((half - spring) / outer) - half for k in range(outer)]
+    middle = [k * (2.0 * spring / inner) - spring for k in range(inner)]
+    return tuple(x + half for x in (*left, *middle, spring, *(-x for x in reversed(left))))
 
 
 def nozzle_name(index: int) -> str:

@@ -101,7 +101,7 @@ def prescribe_displacement(
 def _eliminated(
     layout: Layout, names: tuple[str, ...], prescribed: tuple[int, ...], lines: bytes
 ) -> tuple[Elimination, Layout, Layout, Array, Array]:
-    """Return the elimination of the lines prescribed, of these ``names``, and rows of the independent and imposed coordinates.
+    """Return the elimination of the lines prescribed, called ``names``, and rows over independent and imposed coordinates.
 
     The last two are the lines over these coordinates.
     """

@@ -73,7 +73,7 @@ class Mirror:
         return self.sign * motion[..., self.partner]
 
     def change(self, forces: Array) -> float:
-        """Return how much forces (kinds, n, 2) of the motions of :attr:`probe` differ from their reflection, of their largest."""
+        """Return how much forces of motions :attr:`probe`, (kinds, n, 2), differ from their reflection, of the largest."""
         largest = np.abs(forces).max(axis=(1, 2), initial=0.0)
         change = np.abs(self.reflect(forces[:, :, 1]) - forces[:, :, 0]).max(axis=1, initial=0.0)
         return float((change / np.where(largest > 0.0, largest, 1.0)).max())
