@@ -441,7 +441,7 @@ def rounding_of(original: System, omega: Iterable[float], error: float = 0.0) ->
         acting, reading = (lapack.zgetrs(factors, swapped, X, trans=k)[0] for k, X in enumerate((system.B, system.C.T)))
         with np.errstate(invalid="ignore", over="ignore"):
             states = np.abs(acting)
-            left = np.abs(system.B - pencil @ acting)
+            left = np.abs(system.B + system.A @ acting - point * acting)
             change = DIGIT * (size.A @ states + size.B + abs(point) * states) + left + error * states.sum(axis=0)
             off = np.abs(reading).T @ change + DIGIT * (size.C @ states + size.D)
             rounding = float(off.max()) * system.D.size**0.5
