@@ -75,13 +75,11 @@ class BeamMesh:
     def interpolation(self, station: float, derivative: int) -> tuple[Array, Array]:
         """Return indices and coefficients of deflection (``derivative`` 0) or slope (1) at ``station``."""
         e = min(max(int(self.nodes.searchsorted(station, side="right")) - 1, 0), len(self.nodes) - 2)
-        near = e if station - self.nodes[e] <= self.nodes[e + 1] - station else e + 1
-        per_node = self.order - 1
-        if abs(station - self.nodes[near]) <= 1e-12 * (self.nodes[-1] - self.nodes[0]):
+        low, high = self.nodes[e : e + 2].tolist()
+        near, per_node, h = e if station - low <= high - station else e + 1, self.order - 1, high - low
+        if min(abs(station - low), abs(high - station)) <= 1e-12 * (self.nodes[-1] - self.nodes[0]):
             return np.array([per_node * near + derivative]), np.array([1.0])
-        h = self.nodes[e + 1] - self.nodes[e]
-        xi = 2.0 * (station - self.nodes[e]) / h - 1.0
-        coefficients = shape_functions(np.array([xi]), h, self.order, derivative)[:, 0]
+        coefficients = shape_functions(2.0 * (station - low) / h - 1.0, h, self.order, derivative)
         return per_node * e + element_coordinates(self.order), coefficients
 
 
@@ -103,7 +101,7 @@ def _bubble(k: int, derivative: int) -> Array:
     return series / (2 * k + 1)
 
 
-def shape_functions(xi: Array, h: float, order: int, derivative: int) -> Array:
+def shape_functions(xi: Array | float, h: float, order: int, derivative: int) -> Array:
     """Return deflection (``derivative`` 0) or slope (1) of ``w1, phi1, w2, phi2, bubbles`` at ``xi``, one line each.
 
     Source: Anthonis & Ramon (2003), Eq. (13), for the first four.
