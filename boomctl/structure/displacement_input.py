@@ -108,7 +108,9 @@ def _eliminated(
     rows = np.frombuffer(lines).reshape(-1, layout.n)
     choice = eliminate(np.ascontiguousarray(rows[list(prescribed)].T), names)
     imposed = Layout(names, layout.N @ choice.T_d, layout.R @ choice.T_d)
-    return choice, layout.eliminated(choice), imposed, combined(rows, choice.T_q), combined(rows, choice.T_d)
+    moving = combined(rows, choice.T_q)
+    moving.setflags(write=False)  # shared by models
+    return choice, layout.eliminated(choice), imposed, moving, combined(rows, choice.T_d)
 
 
 def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str, int]:
