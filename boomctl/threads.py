@@ -10,19 +10,20 @@ by ``OMP_NUM_THREADS`` or ``threadpoolctl``, nothing changes.
 import os
 import sys
 from collections.abc import Callable
-from functools import wraps
+from functools import partial, wraps
 from itertools import chain
 from threading import Lock, get_ident
-from typing import TYPE_CHECKING, Any, TypeVar, cast
-
-if TYPE_CHECKING:
-    from threadpoolctl import LibController
+from typing import Any, TypeVar, cast
 
 _LARGE = 1500  # States of a system from which the user's BLAS threads are used: two threads save time above 1,600.
 _HELD = ("_of", "nominal", "model", "system")  # attributes of records that hold a system
-_LOADERS = ("scipy.linalg", "slycot")  # Modules with a BLAS library in addition to that of NumPy.
+# Compiled modules with a BLAS library each, which may be the same.
+_LOADERS = ("numpy.linalg._umath_linalg", "scipy.linalg._fblas", "slycot._wrapper")
+# Names of the functions of OpenBLAS, which depend on who compiled it.
+_NAMES = [f"{prefix}openblas_{{}}{suffix}" for prefix in ("", "scipy_") for suffix in ("", "64_", "_64")]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
+_Library = tuple[Callable[[], Any], Callable[[int], Any]]  # Functions that return and that set the number of threads.
 
 
 class _OneBlasThread:
@@ -35,9 +36,9 @@ class _OneBlasThread:
     def __init__(self) -> None:
         self._lock = Lock()
         self._loaded: tuple[bool, ...] | None = None
-        self._libraries: dict[bool, list[LibController]] = {}  # by whether numbers belong to threads of Python
+        self._libraries: dict[bool, list[_Library]] = {}  # by whether numbers belong to threads of Python
         self._depth: dict[int, int] = {}  # of the process (0) and of threads of Python
-        self._before: dict[int, list[tuple[LibController, int]]] = {}
+        self._before: dict[int, list[tuple[Callable[[int], Any], int]]] = {}
         if hasattr(os, "register_at_fork"):  # a process forked while another thread holds the lock cannot release it
             release = self._lock.release
             os.register_at_fork(before=self._lock.acquire, after_in_parent=release, after_in_child=release)
@@ -52,10 +53,11 @@ class _OneBlasThread:
             for owner in (0, get_ident()):
                 depth = self._depth.get(owner, 0)
                 if new or not depth:
-                    counts = [(library, library.num_threads) for library in self._libraries[owner != 0]]
-                    more = [(library, threads) for library, threads in counts if threads and threads > 1]
+                    counts = [(change, threads()) for threads, change in self._libraries[owner != 0]]
+                    more = [(change, count) for change, count in counts if count and count > 1]
                     self._before.setdefault(owner, []).extend(more)
-                    _set_threads([(library, 1) for library, _ in more])
+                    for change, _ in more:
+                        change(1)
                 self._depth[owner] = depth + 1
 
     def __exit__(self, *error: object) -> None:
@@ -63,7 +65,8 @@ class _OneBlasThread:
             for owner in (get_ident(), 0):
                 self._depth[owner] -= 1
                 if not self._depth[owner]:
-                    _set_threads(self._before[owner])
+                    for change, count in self._before[owner]:
+                        change(count)
                     del self._depth[owner], self._before[owner]
 
     def __call__(self, function: _Function) -> _Function:
@@ -77,24 +80,39 @@ class _OneBlasThread:
         return cast(_Function, limited)
 
 
-def _libraries() -> "dict[bool, list[LibController]]":
-    """Return the BLAS libraries that are loaded, by whether their numbers of threads belong to threads of Python."""
-    from threadpoolctl import ThreadpoolController  # the import and the search take some 2 ms each
+def _libraries() -> dict[bool, list[_Library]]:
+    """Return the BLAS libraries of the modules, by whether their numbers of threads belong to threads of Python.
 
-    result: dict[bool, list[LibController]] = {False: [], True: []}
-    for library in ThreadpoolController().select(user_api="blas").lib_controllers:
-        own = library.internal_api == "openblas" and getattr(library, "threading_layer", "") == "openmp"
-        result[own].append(library)
+    OpenBLAS with threads of its own is found through the module that is linked with it.  If a module has another one,
+    `threadpoolctl` searches all libraries of the process, which takes 10 ms.
+    """
+    from ctypes import CDLL
+
+    result: dict[bool, list[_Library]] = {False: [], True: []}
+    try:
+        for file in [sys.modules[name].__file__ for name in _LOADERS if name in sys.modules]:
+            linked = CDLL(file)
+            name = next(name for name in _NAMES if hasattr(linked, name.format("get_parallel")))
+            if getattr(linked, name.format("get_parallel"))() > 1:  # threads of OpenMP
+                raise AttributeError
+            get, change = (getattr(linked, name.format(f"{verb}_num_threads")) for verb in ("get", "set"))
+            result[False].append((get, change))
+    except (AttributeError, OSError, StopIteration):
+        from threadpoolctl import ThreadpoolController
+
+        result[False] = []
+        for library in ThreadpoolController().select(user_api="blas").lib_controllers:
+            own = library.internal_api == "openblas" and getattr(library, "threading_layer", "") == "openmp"
+            result[own].append((library.get_num_threads, partial(_set_threads, library)))
     return result
 
 
-def _set_threads(counts: "list[tuple[LibController, int]]") -> None:
-    """Set numbers of threads, from any thread of Python: threadpoolctl leaves that to the first one until it is cleared."""
-    for library, threads in counts:
-        clear = getattr(library, "clear_controlling_thread", lambda force: None)
-        clear(force=True)
-        library.set_num_threads(threads)
-        clear(force=True)
+def _set_threads(library: Any, threads: int) -> None:
+    """Set a number of threads, from any thread of Python: threadpoolctl leaves that to the first one until it is cleared."""
+    clear = getattr(library, "clear_controlling_thread", lambda force: None)
+    clear(force=True)
+    library.set_num_threads(threads)
+    clear(force=True)
 
 
 def _states(argument: object) -> int:

@@ -10,6 +10,7 @@ COMMAND = "from boomctl.cli import main"
 HEAVY = {"numpy", "scipy", "control", "slycot", "casadi", "matplotlib", "mpmath", "flint", "rich"}
 BOOM = {"control", "slycot", "casadi", "matplotlib", "mpmath", "flint", "rich", "tomllib", "scipy.optimize"}
 BOOM |= {
+    "threadpoolctl",
     "scipy.signal",
     "scipy.integrate",
     "scipy.interpolate",

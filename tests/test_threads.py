@@ -58,6 +58,13 @@ def test_user_limit_one_unchanged():
         assert set(threads()) == {1}
 
 
+def test_libraries_with_other_names_are_searched(monkeypatch):
+    monkeypatch.setattr("boomctl.threads._NAMES", [])
+    with type(one_blas_thread)():
+        assert set(threads()) == {1}
+    assert set(threads()) == {3}
+
+
 @one_blas_thread
 def failing():
     raise ArithmeticError("wrong")
@@ -129,8 +136,7 @@ class OwnThreads:
     def __init__(self, count):
         self.count, self.own = count, threading.local()
 
-    @property
-    def num_threads(self):
+    def get_num_threads(self):
         return getattr(self.own, "count", self.count)
 
     def set_num_threads(self, count):
@@ -139,18 +145,19 @@ class OwnThreads:
 
 def test_threads_of_openmp_counted_apart(monkeypatch):
     library = OwnThreads(4)
-    monkeypatch.setattr("boomctl.threads._libraries", lambda: {False: [], True: [library]})
+    functions = library.get_num_threads, library.set_num_threads
+    monkeypatch.setattr("boomctl.threads._libraries", lambda: {False: [], True: [functions]})
     limit, ready, leave = type(one_blas_thread)(), threading.Barrier(2), threading.Barrier(2)
 
     def overlap(first):
         with limit:
             ready.wait(30.0)
-            inside = library.num_threads
+            inside = library.get_num_threads()
             if first:
                 leave.wait(30.0)
         if not first:
             leave.wait(30.0)
-        return inside, library.num_threads
+        return inside, library.get_num_threads()
 
     with ThreadPoolExecutor(2) as pool:
         assert list(pool.map(overlap, [True, False])) == [(1, 4), (1, 4)]

@@ -215,7 +215,7 @@ def matrices_norm(original: System, response: Response | None = None, bounded: B
         rounding = error
     else:
         points = [] if bounded.error <= _ROUNDING_LIMIT * peak else least_damped(system.rates)
-        rounding = rounding_of(original, np.append(omega if isfinite(omega) else 0.0, points))
+        rounding = rounding_of(original, [omega if isfinite(omega) else 0.0, *points])
     lower = max(peak - rounding, 0.0)
     if in_modes:
         upper = peak * (1.0 + LEVEL) + 2.0 * error  # Of the system, and of the sum over its modes.
@@ -426,7 +426,7 @@ def least_damped(rates: Array, band: tuple[float, float] = (0.0, inf)) -> Array:
     return omega[(omega >= band[0]) & (omega <= band[1])][:_LEAST_DAMPED]
 
 
-def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
+def rounding_of(original: System, omega: Array | list[float], error: float = 0.0) -> float:
     """Return a bound on the rounding error of the response at frequencies, of entries and solution; ``inf`` at a pole.
 
     ``error`` is an additional error of each entry of ``A``.
@@ -434,12 +434,12 @@ def rounding_of(original: System, omega: Array, error: float = 0.0) -> float:
     return response_and_rounding(original, omega, error)[1]
 
 
-def response_and_rounding(original: System, omega: Array, error: float = 0.0) -> tuple[Array, float]:
+def response_and_rounding(original: System, omega: Array | list[float], error: float = 0.0) -> tuple[Array, float]:
     """Return the response at frequencies, and the bound of :func:`rounding_of`; the response is NaN from a pole on."""
     system, size, worst = original.system, original.magnitudes, 0.0
     response = np.full((*system.D.shape, len(omega)), np.nan + 0j)
     for k, w in enumerate(omega if len(system.A) and system.D.size else []):
-        pencil, point = -system.A.astype(complex), system.boundary(w)
+        pencil, point = np.negative(system.A, dtype=complex), system.boundary(w)
         pencil.flat[:: len(pencil) + 1] += point
         factors, swapped, singular = lapack.zgetrf(pencil)
         if singular:

@@ -73,18 +73,20 @@ def bounds(original: System) -> Bounded:
     reads, size = np.abs(inverse), np.abs(moving)
     if not lost * reads.max() < 1.0:  # no significant digits, or not finite
         return Bounded()
-    defect = np.abs(inverse @ right - np.eye(len(poles))[one])
-    off = np.add.reduceat(defect, one, axis=1) + lost * twice * (reads @ size)  # both columns of a pair
+    defect = inverse @ right
+    defect[np.arange(count), one] -= 1.0
+    off = np.add.reduceat(np.abs(defect), one, axis=1) + lost * twice * (reads @ size)  # both columns of a pair
     distance = off.sum(axis=1)
     if not distance.max() <= _INVERSE:
         return Bounded()
-    residual = np.abs(system.A @ moving - moving * poles[one]) + lost * (sizes.A @ size + size * np.abs(poles[one]))
+    poles = poles[one]
+    residual = np.abs(system.A @ moving - moving * poles) + lost * (sizes.A @ size + size * np.abs(poles))
     acts = np.abs(inverse @ system.B)
     blur = lost * (reads @ sizes.B) + off @ acts
     three = np.concatenate([reads @ residual, acts + blur, blur], axis=1)
     three += _TWICE * distance[:, None] * three.max(axis=0)  # error of the inverse
     F, blur = _TWICE * twice * three[:, :count], three[:, acting:]
-    poles, decay = poles[one], decay[one]
+    decay = decay[one]
     if not (decay > 0.0).all():
         radius = F.sum(axis=1)
         grows = decay < -radius

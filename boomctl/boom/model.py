@@ -59,8 +59,10 @@ def boom_assembly(
     tube = BeamSegment(p.length, p.mass_per_length, p.bending_stiffness, p.stiffness_damping)
 
     platform = RigidBody("platform", GROUND.at(0), planar("y", "theta"), p.platform_mass, p.platform_inertia)
-    cradle = RigidBody("cradle", platform.at(0), prismatic(), p.cradle_mass, p.cradle_inertia)
-    boom = Beam("boom", cradle.at(0), revolute(), (-half, 0.0), (tube,), discretization)
+    on_platform = platform.at(0)
+    cradle = RigidBody("cradle", on_platform, prismatic(), p.cradle_mass, p.cradle_inertia)
+    on_cradle = cradle.at(0)
+    boom = Beam("boom", on_cradle, revolute(), (-half, 0.0), (tube,), discretization)
     stiff_middle = RigidBody(
         "stiff_middle",
         boom.at_point(0),
@@ -71,7 +73,6 @@ def boom_assembly(
     sides = (("left", -1.0), ("right", 1.0))
     tips = [("left", boom.start), ("right", boom.end)]
     springs = [(side, boom.at_point(sign * spring), platform.at(sign * spring)) for side, sign in sides]
-    on_cradle, on_platform = cradle.at(0), platform.at(0)
     outputs = [Output(f"tip_{side}", tip) for side, tip in tips]
     outputs += [Output(f"stroke_{side}", end, relative_to=base) for side, end, base in springs]
     outputs.append(Output("cradle_slip", on_cradle, relative_to=on_platform))
@@ -153,9 +154,9 @@ def _attached_nodes(p: BoomParameters, elements: int) -> tuple[float, ...]:
     inner = 2 if elements < 20 else 4
     outer = (elements - inner) // 2
     half, spring = p.length / 2, p.spring_distance / 2
-    left, middle = np.linspace(-half, -spring, outer + 1), np.linspace(-spring, spring, inner + 1)
-    x = np.concatenate([left[:-1], middle, -left[-2::-1]])
-    return tuple(x + half)
+    left = [k * ((half - spring) / outer) - half for k in range(outer)]
+    middle = [k * (2.0 * spring / inner) - spring for k in range(inner)]
+    return tuple(x + half for x in (*left, *middle, spring, *(-x for x in reversed(left))))
 
 
 def nozzle_name(index: int) -> str:

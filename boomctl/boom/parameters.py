@@ -1,7 +1,7 @@
 """Parameters of the spray boom."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from math import sqrt
 from typing import Any, TypedDict
 
@@ -119,10 +119,10 @@ class BoomParameters(Parameters):
     stiffness_damping: float = 1e-4
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = within(field.name, getattr(self, field.name), 0.0, _LARGEST, "in SI units")
-            if field.name not in _MAY_BE_ZERO:
-                positive(field.name, value)
+        for name, given in vars(self).items():
+            value = within(name, given, 0.0, _LARGEST, "in SI units")
+            if name not in _MAY_BE_ZERO:
+                positive(name, value)
         self._plain()
         for name, limit in _LESS_THAN.items():
             value, larger = getattr(self, name), getattr(self, limit)

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from boomctl.arrays import Array
+from boomctl.arrays import Array, squared
 from boomctl.lti.rounding import CANCELLED, DIGIT, EPS, ROOT, SOLVED
 from boomctl.lti.system import Lti, parallel, rates_of
 from boomctl.printing import compact
@@ -151,7 +151,7 @@ class ModalSystem:
     @property
     def sizes(self) -> Array:
         """Bound of each mode's response at any frequency: ``|c| |b| / |Re pole|``."""
-        lengths = np.linalg.norm(self.C, axis=0) * np.linalg.norm(self.B, axis=1)
+        lengths = np.sqrt(squared(self.C).sum(axis=0)) * np.sqrt(squared(self.B).sum(axis=1))
         return lengths / np.abs(self.poles.real)
 
     def only(self, chosen: Array) -> "ModalSystem":

@@ -130,7 +130,7 @@ class Lti:
         The inverse is NaN if there is none, as for equal poles in a chain.
         """
         A, power = scaled_to_one(self.A)
-        poles, right = (item.astype(complex) for item in np.linalg.eig(A))
+        poles, right = (item.astype(complex, copy=False) for item in np.linalg.eig(A))
         try:
             reads = np.linalg.inv(right)
         except np.linalg.LinAlgError:

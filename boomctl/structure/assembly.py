@@ -87,16 +87,15 @@ class Assembly:
                 instance(field_.name, part, kind)
         for what, items in (("body", self.bodies), ("force", self.forces), ("output", self.outputs)):
             names = [item.name for item in items]
-            for name in names:
-                if names.count(name) > 1:
-                    raise ValueError(f"two of the assembly's {what} names are {name!r}")
-        there, users = [Ground.name], [f"body {body.name!r}" for body in self.bodies]
-        for index, point in enumerate(self.points()):
-            if point.body.name not in there:
-                user = (*users[index:], "a link, force, output or cut joint")[0]
-                known = f"expected one listed before: {sorted(there)}"
-                raise ValueError(f"{user} refers to body {point.body.name!r}; {known}")
-            there += [body.name for body in self.bodies[index : index + 1]]
+            if len(set(names)) < len(names):
+                twice = next(name for name in names if names.count(name) > 1)
+                raise ValueError(f"two of the assembly's {what} names are {twice!r}")
+        bodies, points = [body.name for body in self.bodies], [point.body.name for point in self.points()]
+        for index, name in enumerate(points):
+            if name != Ground.name and name not in bodies[:index]:
+                user = f"body {bodies[index]!r}" if index < len(bodies) else "a link, force, output or cut joint"
+                known = f"expected one listed before: {sorted([Ground.name, *bodies[:index]])}"
+                raise ValueError(f"{user} refers to body {name!r}; {known}")
 
     def __repr__(self) -> str:
         joints = f", {count(len(self.cut_joints), 'cut joint')}" if self.cut_joints else ""

@@ -3,9 +3,9 @@
 Source: Anthonis & Ramon (2003), Eqs. (2)-(12) and appendix A, with corrected signs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -81,26 +81,36 @@ def prescribe_displacement(
     if any(model.ports.moved):
         already = [name for name, is_moved in zip(there, model.ports.moved, strict=True) if is_moved]
         raise ValueError(f"inputs {already} impose motion already: prescribe all displacements in one call")
-    J = np.ascontiguousarray(model.ports.B[0][:, [there.index(name) for name in both]])
     if len(both) >= model.ncoordinates:
         raise ValueError(
             f"{len(both)} displacements are prescribed in a model of {model.ncoordinates} coordinates: nothing moves"
         )
-    old = model.structure
-    choice, layout, imposed = _eliminated(old.layout, both, J.tobytes())
+    old, ports = model.structure, model.ports
+    lines = np.concatenate([ports.B.transpose(0, 2, 1).reshape(-1, old.n), ports.L.reshape(-1, old.n)])
+    prescribed = tuple(there.index(name) for name in both)
+    choice, layout, imposed, *over = _eliminated(old.layout, both, prescribed, lines.tobytes())
     outline = old.outline and replace(old.outline, maps=(*old.outline.maps, choice.T_q))
     structure = Structure(layout, old.weights, outline)
-    forces = _imposing_forces(old.weights, layout, imposed)
+    forces = [partial(_imposing_forces, old.weights, imposed, rows) for rows in (layout, imposed)]
     strains = imposed.R if old.has_strains else None
-    ports = _prescribed(model.ports, choice, strains, forces, moved, held, orders, reactions)
+    ports = _prescribed(ports, choice.T_d, over, strains, forces, moved, held, orders, reactions)
     return SecondOrderModel.of(structure, ports)
 
 
 @lru_cache(maxsize=CACHE_SIZE)
-def _eliminated(layout: Layout, names: tuple[str, ...], columns: bytes) -> tuple[Elimination, Layout, Layout]:
-    """Return the elimination of the columns of ``names``, and rows over the independent coordinates and the imposed ones."""
-    choice = eliminate(np.frombuffer(columns).reshape(layout.n, len(names)), names)
-    return choice, layout.eliminated(choice), Layout(names, layout.N @ choice.T_d, layout.R @ choice.T_d)
+def _eliminated(
+    layout: Layout, names: tuple[str, ...], prescribed: tuple[int, ...], lines: bytes
+) -> tuple[Elimination, Layout, Layout, Array, Array]:
+    """Return the elimination of the lines prescribed, called ``names``, and rows over independent and imposed coordinates.
+
+    The last two are the lines over these coordinates.
+    """
+    rows = np.frombuffer(lines).reshape(-1, layout.n)
+    choice = eliminate(np.ascontiguousarray(rows[list(prescribed)].T), names)
+    imposed = Layout(names, layout.N @ choice.T_d, layout.R @ choice.T_d)
+    moving = combined(rows, choice.T_q)
+    moving.setflags(write=False)  # shared by models
+    return choice, layout.eliminated(choice), imposed, moving, combined(rows, choice.T_d)
 
 
 def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str, int]:
@@ -112,21 +122,18 @@ def _orders(moved: tuple[str, ...], motion: str | Mapping[str, str]) -> dict[str
     return {name: MOTIONS.index(known("motion", motion.get(name, "displacement"), MOTIONS)) for name in moved}
 
 
-def _imposing_forces(weights: Weights, moving: Layout, imposed: Layout) -> tuple[Array, Array]:
-    """Return blocks ``K, C, M`` of all coordinates: moving by imposed, and imposed by imposed."""
+def _imposing_forces(weights: Weights, imposed: Layout, moving: Layout) -> Array:
+    """Return blocks ``K, C, M`` of coordinates: moving by imposed."""
     pairs = (moving.R, imposed.R, weights.k), (moving.R, imposed.R, weights.c), (moving.N, imposed.N, weights.m)
-    loads = [weigh(weight, rows) for _, rows, weight in pairs]
-    across, among = (
-        np.array([pair[side].T @ load for pair, load in zip(pairs, loads, strict=True)]) for side in (0, 1)
-    )
-    return across, among
+    return np.array([rows.T @ weigh(weight, over) for rows, over, weight in pairs])
 
 
 def _prescribed(
     old: Ports,
-    choice: Elimination,
+    T_d: Array,
+    over: Sequence[Array],
     imposed: Array | None,
-    forces: tuple[Array, Array],
+    forces: Sequence[Callable[[], Array]],
     moved: tuple[str, ...],
     held: tuple[str, ...],
     orders: Mapping[str, int],
@@ -134,16 +141,16 @@ def _prescribed(
 ) -> Ports:
     """Return the ports of the displacement-driven structure: ``moved`` become motions, ``held`` are removed.
 
-    ``imposed`` are elastic rows over the imposed displacements, ``forces`` those of :func:`_imposing_forces`.
+    ``over`` are the lines of inputs and outputs over the independent and the imposed coordinates, ``imposed`` elastic rows
+    over the latter, ``forces`` the functions of the forces on either.
     """
-    remaining, T_d, both = tuple(name for name in old.inputs if name not in held), choice.T_d, moved + held
-    stay = old if remaining == old.inputs else old.select(remaining, None)
-    force = stay.restricted(choice.T_q)
-    B, L, E = force.B.copy(), force.L, force.E.copy()
-    columns, (across, among) = [remaining.index(name) for name in moved], forces
+    remaining, both = tuple(name for name in old.inputs if name not in held), moved + held
+    columns, stay = [remaining.index(name) for name in moved], [old.inputs.index(name) for name in remaining]
+    (_, n, m), p, across = old.B.shape, len(old.outputs), forces[0]()
+    B = over[0][: 3 * m].reshape(3, m, n - len(both))[:, stay].transpose(0, 2, 1)
+    L, E = over[0][3 * m :].reshape(3, p, n - len(both)), old.E[:, :, stay]
     B[:, :, columns] = -across[:, :, : len(columns)]
-    through = combined(old.L.reshape(-1, len(T_d)), T_d[:, : len(columns)])
-    E[:, :, columns] = through.reshape(*E.shape[:2], len(columns))
+    E[:, :, columns] = over[1][3 * m :, : len(columns)].reshape(3, p, len(columns))
     outputs, bandwidths = old.outputs, old.bandwidths
     direct = old.E[0][:, [old.inputs.index(name) for name in both]]
     tensions, strains = old.tensions, None
@@ -151,8 +158,8 @@ def _prescribed(
         strains = np.zeros((len(imposed), len(remaining)))
         strains[:, columns] = imposed[:, : len(columns)]
     if reactions or direct.any():  # Rows of Eq. (7), upper part: f_p = M_dd d'' + M_dq q'' + ... - F_d f.
-        force_L, force_E = across.transpose(0, 2, 1), -(T_d.T @ stay.B)
-        force_E[:, :, columns] = among[:, :, : len(columns)]
+        force_L, force_E = across.transpose(0, 2, 1), -(T_d.T @ old.B[:, :, stay])
+        force_E[:, :, columns] = forces[1]()[:, :, : len(columns)]
         L, E = L + direct @ force_L, E + direct @ force_E
         if imposed is not None:
             tensions = direct @ imposed.T + (0.0 if tensions is None else tensions)

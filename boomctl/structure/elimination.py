@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+from scipy.linalg import lapack
 
 from boomctl.arrays import ROUNDED, Array, combined
 
@@ -47,7 +47,7 @@ def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> E
     norms = np.linalg.norm(block, axis=0)
     _check_rank(block, norms, names)
     scaled = (block / norms).T if weights is None else (block / norms).T * weights[touched]
-    pivots = np.sort(linalg.qr(scaled, mode="r", pivoting=True)[1][:count])
+    pivots = np.sort(lapack.dgeqp3(scaled)[1][:count] - 1)
     dependent = touched[pivots]
     rest = np.delete(np.arange(len(touched)), pivots)
     # Normalized conditions and coordinates, so that rounding error is identified by its magnitude.
@@ -77,10 +77,10 @@ def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:
         raise ValueError(f"{names[zero[0]]!r} is fully constrained: its displacement cannot be prescribed")
     if block.shape[0] < block.shape[1]:
         raise ValueError(f"{', '.join(map(repr, names))}: more displacements are prescribed than the points can move")
-    _, R, order = linalg.qr(block / norms, mode="economic", pivoting=True)
-    small = np.flatnonzero(np.abs(np.diag(R)) < DEPENDENT)
+    R, order, *_ = lapack.dgeqp3(block / norms)
+    small = np.flatnonzero(np.abs(R.diagonal()) < DEPENDENT)
     if len(small):
-        others = [names[i] for i in order[: small[0]]]
+        others = [names[i - 1] for i in order[: small[0]]]
         raise ValueError(
-            f"displacement of {names[order[small[0]]]!r} depends on that of {', '.join(map(repr, others))}"
+            f"displacement of {names[order[small[0]] - 1]!r} depends on that of {', '.join(map(repr, others))}"
         )

@@ -35,11 +35,15 @@ class Row:
 
     def scaled(self, factor: float, size: float) -> "Row":
         """Return the row times a factor with terms of magnitude ``size``; zero if the factor is rounding error."""
+        if factor == size == 1.0 or not self.terms.ndim:
+            return self
         if abs(factor) <= CANCELLED * size:
             return Row()
         return Row(factor * self.terms, size * self.sizes)
 
     def __add__(self, other: "Row") -> "Row":
+        if not (self.terms.ndim and other.terms.ndim):  # one is zero
+            return self if self.terms.ndim else other
         total, size = self.terms + other.terms, np.maximum(self.sizes, other.sizes)
         significant = np.abs(total) > CANCELLED * size
         return Row(np.where(significant, total, 0.0), np.where(significant, size, 0.0))
@@ -92,10 +96,12 @@ class Kinematics:
     frames: dict[str, Frame] = field(default_factory=dict)
     held: list[tuple[str, Row]] = field(default_factory=list)
 
-    def matrix(self, rows: Iterable[Row]) -> Array:
+    def matrix(self, rows: Sequence[Row]) -> Array:
         """Stack rows into a matrix, one line a row and one column a coordinate."""
-        n = len(self.index)
-        return np.array([np.broadcast_to(row.terms, n) for row in rows]).reshape(-1, n)
+        result = np.zeros((len(rows), len(self.index)))
+        for line, row in zip(result, rows, strict=True):
+            line[:] = row.terms
+        return result
 
     def coordinate(self, name: str) -> Row:
         """Return the row of one coordinate."""

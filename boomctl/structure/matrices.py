@@ -116,7 +116,7 @@ class Structure:
     def _squares(self) -> Array:
         """Stiffness over mass of the coordinates that have mass, ascending [rad^2/s^2]."""
         pairs = (self.layout.R, self.weights.k), (self.layout.N, self.weights.m)
-        stiffness, mass = ((rows * weigh(weight, rows)).sum(axis=0) for rows, weight in pairs)
+        stiffness, mass = (w @ rows**2 if w.ndim == 1 else (rows * (w @ rows)).sum(axis=0) for rows, w in pairs)
         return np.sort(np.abs(stiffness[mass > 0.0]) / mass[mass > 0.0])
 
     @property
@@ -141,9 +141,10 @@ class Structure:
     def mirrored(self, mirror: Mirror | None) -> "Structure":
         """Return the structure with a mirror, if that leaves its matrices as they are; otherwise without."""
         N, R, weights = self.layout.N, self.layout.R, self.weights
-        for rows, weight in ((N, weights.m), (R, weights.c), (R, weights.k)):
-            if mirror is not None and mirror.change(rows.T @ weigh(weight, rows @ mirror.probe)) > ALIKE:
-                mirror = None
+        if mirror is not None:
+            strain, pairs = R @ mirror.probe, (weights.c, weights.k)
+            forces = [N.T @ weigh(weights.m, N @ mirror.probe), *(R.T @ weigh(weight, strain) for weight in pairs)]
+            mirror = mirror if mirror.change(np.array(forces)) <= ALIKE else None
         return replace(self, layout=_mirrored(self.layout, None if self.graded else mirror))
 
     @cached_property

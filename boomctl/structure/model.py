@@ -213,7 +213,7 @@ class SecondOrderModel:
 
     @cached_property
     def _primary(self) -> SecondOrderModel:
-        return self if self.ports.primary is None else self.select(*self.ports.primary)
+        return self.select(*(self.ports.primary or ()))
 
     def between(
         self, inputs: str | Sequence[str] | None = None, outputs: str | Sequence[str] | None = None
@@ -235,9 +235,9 @@ class SecondOrderModel:
         TypeError, ValueError
             If a name is unknown or requested twice.
         """
-        if inputs is None and outputs is None:
-            return self._primary
         first = self.ports.primary or (None, None)
+        if inputs is None and outputs is None:  # a model that stored itself would stay until garbage is collected
+            return self if first in ((None, None), (self.input_labels, self.output_labels)) else self._primary
         return self.select(first[0] if inputs is None else inputs, first[1] if outputs is None else outputs)
 
     @cached_property

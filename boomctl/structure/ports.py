@@ -26,8 +26,8 @@ FILTER_DAMPING = float(np.sqrt(0.5))
 
 def evaluate(terms: Array, s: Array) -> Array:
     """Return ``X0 + s X1 + s^2 X2`` for each ``s``, shape (len(s), rows, columns)."""
-    powers, (count, rows, columns) = np.array([np.ones_like(s), s, s * s]).T, terms.shape
-    return (powers @ terms.reshape(count, rows * columns)).reshape(len(s), rows, columns)
+    s = s[:, None, None]
+    return terms[0] + s * (terms[1] + s * terms[2])
 
 
 @dataclass(frozen=True, kw_only=True)

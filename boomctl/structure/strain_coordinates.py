@@ -61,7 +61,7 @@ class StrainForm:
     @cached_property
     def matrices(self) -> tuple[Array, Array, Array]:
         """Mass, damping and stiffness matrix over these coordinates."""
-        return self.N.T @ self.N, self.C, np.diag((np.arange(len(self.V)) < self.strains).astype(float))
+        return self.N.T @ self.N, self.C, np.diag(np.arange(len(self.V)) < self.strains).astype(float)
 
     def ports_matrices(self, ports: Ports) -> tuple[Array, Array]:
         """Return the matrices ``B`` and ``L`` of inputs and outputs over these coordinates."""
@@ -123,8 +123,8 @@ class StrainForm:
 
 def _of_size_one(S: Array) -> Array:
     """Return the rows that are not zero, each at size one."""
-    size = np.linalg.norm(S, axis=1)
-    return S[size > 0.0] / size[size > 0.0][:, None]
+    size = np.sqrt((S * S).sum(axis=1, keepdims=True))
+    return S / size if size.all() else S[size[:, 0] > 0.0] / size[size > 0.0][:, None]
 
 
 def parted(lines: Array) -> tuple[Array, int]:
@@ -177,7 +177,7 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
     unit = _of_size_one(S * column)
     factor, failed = lapack.dpotrf(unit.T @ unit)
     # The inverse of the factor is at least as large as that of the smallest singular value.
-    if failed or np.linalg.norm(lapack.dtrtri(factor)[0]) > 1.0 / _CLEAR:
+    if failed or blas.dnrm2(lapack.dtrtri(factor)[0].ravel()) > 1.0 / _CLEAR:
         spread = np.linalg.svd(unit, compute_uv=False)
         if spread[-1] < _CLEAR:
             column = _even(rows)
@@ -198,12 +198,12 @@ def unstrained(S: Array, rows: Array, column: Array) -> tuple[Array, Array, Arra
 
 def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     """Return a structure in strain coordinates; None for one without mass or stiffness, or with overflow."""
-    n, elastic, N, R = len(layout.coordinates), weights.k > 0.0, layout.N, layout.R
-    mass, inertia = weights.m @ N**2, np.sqrt(weights.m)[:, None] * N
-    if not (mass > 0.0).all() or not R[elastic].any():
+    n, elastic, N, rows = len(layout.coordinates), weights.k > 0.0, layout.N, layout.R[weights.k > 0.0]
+    mass, inertia, root = weights.m @ N**2, np.sqrt(weights.m)[:, None] * N, np.sqrt(weights.k[elastic])[:, None]
+    if not (mass > 0.0).all() or not rows.any():
         return None
-    V, Q, order, r = unstrained(np.sqrt(weights.k[elastic])[:, None] * R[elastic], R[elastic], 1.0 / np.sqrt(mass))
-    dampers, free = np.sqrt(weights.c[~elastic])[:, None] * R[~elastic], 0
+    V, Q, order, r = unstrained(root * rows, rows, 1.0 / np.sqrt(mass))
+    dampers, free = np.sqrt(weights.c[~elastic])[:, None] * layout.R[~elastic], 0
     if r < n:
         _, own, mixed = np.linalg.svd(inertia @ V[:, r:], full_matrices=False)
         V[:, r:] = V[:, r:] @ (mixed.T / own)
@@ -216,7 +216,7 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
     damped[:, n - free :] = 0.0
     if np.abs(damped).max(initial=0.0) > _LARGEST:
         return None
-    forces = np.zeros_like(R)
-    forces[np.flatnonzero(elastic)[order]] = np.sqrt(weights.k[elastic])[order, None] * Q
+    forces = np.zeros_like(layout.R)
+    forces[elastic.nonzero()[0][order]] = root[order] * Q
     N = np.triu(lapack.dgeqrf(inertia @ V)[0][:n])
     return StrainForm(V, N, Q.T @ (loss[:, None] * Q) + damped.T @ damped, r, free, forces)

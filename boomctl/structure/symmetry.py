@@ -70,12 +70,13 @@ class Mirror:
 
     def reflect(self, motion: Array) -> Array:
         """Return a motion, one number a coordinate, as it looks in the mirror."""
-        return self.sign * motion[self.partner]
+        return self.sign * motion[..., self.partner]
 
     def change(self, forces: Array) -> float:
-        """Return how much forces of the motions of :attr:`probe` differ from their reflection, of the largest force."""
-        largest, reflected = np.abs(forces).max(initial=0.0), self.reflect(forces[:, 1])
-        return float(np.abs(reflected - forces[:, 0]).max(initial=0.0) / largest) if largest else 0.0
+        """Return how much forces of motions :attr:`probe`, (kinds, n, 2), differ from their reflection, of the largest."""
+        largest = np.abs(forces).max(axis=(1, 2), initial=0.0)
+        change = np.abs(self.reflect(forces[:, :, 1]) - forces[:, :, 0]).max(axis=1, initial=0.0)
+        return float((change / np.where(largest > 0.0, largest, 1.0)).max())
 
     def completed(self, wanted: Sequence[str], available: Sequence[str]) -> tuple[str, ...]:
         """Return the signals wanted and, behind them, the mirror images that they lack."""

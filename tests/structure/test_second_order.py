@@ -1,5 +1,7 @@
 """SecondOrderModel: its parts, systems solved by hand, and what a user of python-control expects of it."""
 
+import weakref
+
 import control
 import numpy as np
 import pytest
@@ -155,3 +157,12 @@ def test_nyquist_and_compare_take_signals_as_sigma_does():
     assert both["boom"]["H-infinity norm"] == pytest.approx(both["part"]["H-infinity norm"], rel=1e-4)
     spring = control.ss([], [], [], [[-100.0]], inputs="stroke_left", outputs="suspension_left")
     assert_allclose(bc.nyquist(boom, spring, **pair).curve, bc.nyquist(boom, spring).curve, rtol=1e-6, atol=1e-9)
+
+
+def test_default_signals_selected_once():
+    """And the model does not refer to itself: what it holds is freed without garbage collection."""
+    model = bc.spray_boom().between()
+    assert model.between() is model
+    alive = weakref.ref(model)
+    del model
+    assert alive() is None

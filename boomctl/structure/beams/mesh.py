@@ -74,14 +74,12 @@ class BeamMesh:
 
     def interpolation(self, station: float, derivative: int) -> tuple[Array, Array]:
         """Return indices and coefficients of deflection (``derivative`` 0) or slope (1) at ``station``."""
-        e = int(np.clip(np.searchsorted(self.nodes, station, side="right") - 1, 0, len(self.nodes) - 2))
-        near = e if station - self.nodes[e] <= self.nodes[e + 1] - station else e + 1
-        per_node = self.order - 1
-        if abs(station - self.nodes[near]) <= 1e-12 * (self.nodes[-1] - self.nodes[0]):
+        e = min(max(int(self.nodes.searchsorted(station, side="right")) - 1, 0), len(self.nodes) - 2)
+        low, high = self.nodes[e : e + 2].tolist()
+        near, per_node, h = e if station - low <= high - station else e + 1, self.order - 1, high - low
+        if min(abs(station - low), abs(high - station)) <= 1e-12 * (self.nodes[-1] - self.nodes[0]):
             return np.array([per_node * near + derivative]), np.array([1.0])
-        h = self.nodes[e + 1] - self.nodes[e]
-        xi = 2.0 * (station - self.nodes[e]) / h - 1.0
-        coefficients = shape_functions(np.array([xi]), h, self.order, derivative)[:, 0]
+        coefficients = shape_functions(2.0 * (station - low) / h - 1.0, h, self.order, derivative)
         return per_node * e + element_coordinates(self.order), coefficients
 
 
@@ -103,7 +101,7 @@ def _bubble(k: int, derivative: int) -> Array:
     return series / (2 * k + 1)
 
 
-def shape_functions(xi: Array, h: float, order: int, derivative: int) -> Array:
+def shape_functions(xi: Array | float, h: float, order: int, derivative: int) -> Array:
     """Return deflection (``derivative`` 0) or slope (1) of ``w1, phi1, w2, phi2, bubbles`` at ``xi``, one line each.
 
     Source: Anthonis & Ramon (2003), Eq. (13), for the first four.
@@ -130,11 +128,12 @@ def _mass_rows(order: int, mass: str) -> Array:
         rows = np.zeros((2, 4))
         rows[:, [0, 2]] = [[0.5, 0.5], [np.sqrt(1 / 12), -np.sqrt(1 / 12)]]
         return _frozen(rows)
-    xi, weight = legendre.leggauss(order + 1)
-    shapes = shape_functions(xi, 1.0, order, 0)
-    matrix = 0.5 * (shapes * weight) @ shapes.T
+    matrix, parity = np.eye(order + 1), np.eye(order + 1)
+    if order > 3:  # bubbles
+        xi, weight = legendre.leggauss(order + 1)
+        shapes = shape_functions(xi, 1.0, order, 0)
+        matrix = 0.5 * (shapes * weight) @ shapes.T
     matrix[:4, :4] = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]) / 420.0
-    parity = np.eye(order + 1)
     parity[:4, :4] = np.sqrt(0.5) * np.array([[1, 0, 1, 0], [0, 1, 0, -1], [1, 0, -1, 0], [0, 1, 0, 1]])
     return _frozen(np.linalg.cholesky(parity @ matrix @ parity.T).T @ parity)
 

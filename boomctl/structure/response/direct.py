@@ -82,7 +82,8 @@ def direct_response(structure: Structure, ports: Ports, omega: Array) -> Array:
     matrices = structure.matrices if form is None else form.matrices
     if form is not None:
         B, L = form.ports_matrices(ports)
-    batches = np.array_split(s, max(1, min(len(s), len(s) * structure.n**2 // _ENTRIES)))
+    step = max(1, _ENTRIES // max(1, structure.n) ** 2)
+    batches = [s[k : k + step] for k in range(0, max(1, len(s)), step)]
     try:
         X = np.concatenate([np.linalg.solve(dynamic_stiffness(matrices, part), evaluate(B, part)) for part in batches])
     except np.linalg.LinAlgError:

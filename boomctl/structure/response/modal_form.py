@@ -121,10 +121,8 @@ def _scaled(system: Lti, ports: Ports, frequencies: Array) -> Lti:
 
     Rigid-body modes count as fast as the slowest elastic one.
     """
-    scale, n = np.ones(len(system.A)), len(frequencies)
-    moving = frequencies > 0.0
-    slowest = frequencies[moving].min(initial=np.inf)
-    scale[:n] = np.where(moving, frequencies, slowest if np.isfinite(slowest) else 1.0)
+    scale, n, moving = np.ones(len(system.A)), len(frequencies), frequencies > 0.0
+    scale[:n] = np.where(moving, frequencies, frequencies[moving].min() if moving.any() else 1.0)
     bandwidths = np.array([b for b in ports.bandwidths if b is not None])
     if len(bandwidths):  # the second state of a filter is driven as fast as it decays, the first by it in turn
         first = len(scale) - 2 * len(bandwidths)

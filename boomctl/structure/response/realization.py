@@ -6,10 +6,10 @@ For a displacement input (``u = d``) the states are those of Anthonis & Ramon (2
 """
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from scipy import linalg
+from scipy.linalg import lapack
 
 from boomctl.arrays import Array
 from boomctl.lti.rounding import SUMMED
@@ -35,21 +35,21 @@ def realize(structure: Structure, ports: Ports) -> Lti:
     order = np.array(ports.integrators, dtype=int)
     size = 2 * n + int(order.sum())
     d = _input_signals(order, 2 * n, size + m)
-    own, (B0, B1, B2) = np.eye(2 * n, size + m), ports.B
+    own, (_, B1, B2) = np.eye(2 * n, size + m), ports.B
     # q' lacks G d', and q'' lacks H d' + G2 d''.
     G = solve(B2 * (order == 0))
     resisted = C @ G
     H, G_velocity = solve((B1 - resisted) * (order == 0)), solve(B2 * (order == 1))
-    once = ports.L[1] @ G + ports.L[2] @ H + ports.E[1] * (order < 1)
-    twice = ports.L[2] @ (G + G_velocity) + ports.E[2] * (order < 2)
-    if once.any() or twice.any():
-        _check_proper(ports, once, twice, resisted, solve)
+    if ports.L[1:].any() or ports.E[1:].any():
+        once = ports.L[1] @ G + ports.L[2] @ H + ports.E[1] * (order < 1)
+        twice = ports.L[2] @ (G + G_velocity) + ports.E[2] * (order < 2)
+        if once.any() or twice.any():
+            _check_proper(ports, once, twice, resisted, solve)
     q, rate = own[:n] + G @ d[0], own[n:] + H @ d[0] + G_velocity @ d[1]
-    force = B0 @ d[0] + (B1 * (order > 0)) @ d[1] + (B2 * (order > 1)) @ d[2] - K @ q - C @ rate
-    motion = q, rate, solve(force)
-    integrated = [d[k + 1][i] for i, count in enumerate(ports.integrators) for k in range(count)]
-    rates = np.vstack([*motion[1:], *integrated])
-    y = np.array([ports.L[k] @ motion[k] + ports.E[k] @ d[k] for k in range(3)]).sum(axis=0)
+    motion = np.array([q, rate, solve((ports.B @ d).sum(axis=0) - K @ q - C @ rate)])
+    integrated = [d[k + 1, [i]] for i, count in enumerate(ports.integrators) for k in range(count)]
+    rates = np.concatenate([*motion[1:], *integrated])
+    y = (ports.L @ motion + ports.E @ d).sum(axis=0)
     states = [f"{name}.x{k}" for k in (1, 2) for name in structure.coordinates]
     for name, count in zip(ports.inputs, ports.integrators, strict=True):
         states += [f"{name}.displacement", f"{name}.velocity"][:count]
@@ -65,18 +65,16 @@ def realize(structure: Structure, ports: Ports) -> Lti:
 
 def _solver(mass: Array) -> Callable[[Array], Array]:
     """Return a solver of a mass matrix: by Cholesky's factor if it is positive definite, else by LU; nothing for zeros."""
-    try:
-        if not is_symmetric(mass):
-            raise linalg.LinAlgError
-        factored = partial(linalg.cho_solve, linalg.cho_factor(mass.T, check_finite=False), check_finite=False)
-    except linalg.LinAlgError:
-        scale = np.sqrt(np.abs(np.diag(mass)))
-        if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > _SINGULAR:
-            raise ValueError(
-                "the mass matrix is singular: a coordinate has no inertia, so there is no state-space form"
-            ) from None
-        factored = partial(linalg.lu_solve, linalg.lu_factor(mass))
-    return lambda rhs: factored(rhs) if rhs.any() else np.zeros_like(rhs)
+    if (mass == np.eye(len(mass))).all():  # over modes
+        return lambda rhs: rhs
+    factor, failed = lapack.dpotrf(mass.T) if is_symmetric(mass) else (mass, True)
+    if not failed:
+        return lambda rhs: lapack.dpotrs(factor, rhs)[0] if rhs.any() else np.zeros_like(rhs)
+    scale = np.sqrt(np.abs(np.diag(mass)))
+    if (scale == 0).any() or np.linalg.cond(mass / np.outer(scale, scale)) > _SINGULAR:
+        raise ValueError("the mass matrix is singular: a coordinate has no inertia, so there is no state-space form")
+    factored = linalg.lu_factor(mass)
+    return lambda rhs: linalg.lu_solve(factored, rhs) if rhs.any() else np.zeros_like(rhs)
 
 
 def _input_signals(order: Array, first: int, columns: int) -> Array:

@@ -29,7 +29,7 @@ from boomctl.reduction.reduce import reduce
 from boomctl.simulation.forced_response import forced_response
 from boomctl.structure.model import SecondOrderModel
 
-_FINITE, _DEGREES = (6, 10, 20, 50, 100, 190), (4, 6, 8, 10, 12, 14)  # elements, of others but the last; orders
+_FINITE, _DEGREES = (6, 10, 20, 50, 100, 190), (3, 4, 6, 8, 10, 12)  # elements, of others but the last; orders
 _OMEGA = 2 * np.pi * np.geomspace(0.1, 10.0, 500)
 _DURATION, _DT = 60.0, 0.01  # s, of the bumps and between samples
 _BEGIN, _EVERY, _SHIFT, _BUMPS = 1.0, 6.0, 2.0, 5  # s: first and next bump of the left wheel, delay of the right one
