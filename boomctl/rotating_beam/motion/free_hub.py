@@ -25,7 +25,7 @@ from boomctl.rotating_beam.motion.scene import Scene
 from boomctl.rotating_beam.motion.sweeps import Swept, settle, swept
 from boomctl.rotating_beam.motion.trajectory import FreeTrajectory, WindowMotion
 
-STEPS = 80  # Most steps of a window; with 64 a torque on SFOAM with five modes takes up to 1.3 times as long.
+STEPS = 96  # Most steps of a window; with 80 a torque on SFOAM with five modes takes up to 1.2 times as long.
 _FEWEST = 24  # Fewest steps of a window: less work saves no time, and shorter steps resolve more modes.
 _MOST_STEPS = 256  # Most steps of a window with so many breakpoints: it takes half the time of four windows.
 STAGES = 12  # Nodes of a step; with two fewer a motion takes up to twice as long.
