@@ -54,6 +54,11 @@ class CollocationMethod:
         return np.linalg.inv(legendre.legvander(2.0 * self.nodes - 1.0, self.stages - 1))
 
     @cached_property
+    def highest(self) -> Array:
+        """From the values at the nodes to those of the two highest Legendre terms there, s x s."""
+        return np.linalg.inv(self.terms)[:, -2:] @ self.terms[-2:]
+
+    @cached_property
     def onward(self) -> Array:
         """From the values at the nodes to those of the same polynomial at the nodes of the next step, s x s."""
         return legendre.legvander(2.0 * self.nodes + 1.0, self.stages - 1) @ self.terms

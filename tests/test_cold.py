@@ -50,7 +50,7 @@ SCENES = {
     "synthesis": ("bc.lqg, bc.h2, bc.h_infinity, bc.exceptions.SynthesisError, bc.simulate_loop, bc.reduce", LOOP),
     "figure": ("bc.plotting.figure_of(bc.iso_track(length=50.0).plot)", {"matplotlib.pyplot"}),
     "beam": ("bc.hub_beam(modes=2).eigenfrequencies_hz(1.0)", BEAM | {"scipy.optimize"}),
-    "spin-up": ("bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM),
+    "spin-up": ("bc.hub_beam(modes=1).simulate(bc.spin_up(1.0, 1.0), [1.0, 2.0])", BEAM | {"scipy"}),
     "slew": (
         "print(bc.optimal_slew(bc.hub_beam(modes=1), 1.5, 200.0))",
         (LOOP | {"boomctl.boom", "boomctl.synthesis"}) - {"casadi"},

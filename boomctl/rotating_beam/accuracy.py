@@ -26,6 +26,7 @@ from boomctl.progress import computing, tell
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.selection import ModelChoice
+from boomctl.threads import one_blas_thread
 
 # Range of the requested accuracy, relative; below it the rounding errors of the reference are visible.
 ACCURACIES = (1e-7, 1.0)
@@ -54,6 +55,7 @@ _FEWEST_TIMES, _MOST_TIMES = 500, 20_000  # Limits: least number within the mane
 _SPACING = 1.01  # Power by which the times are spaced unevenly, to avoid aliasing with a vibration.
 
 
+@one_blas_thread
 def chosen_beam(
     p: HubBeamParameters, accuracy: float | None, maneuver: Maneuver | None, time: ArrayLike | None
 ) -> HubBeam:

@@ -591,9 +591,9 @@ class HubBeam(ABC):
             model=self.model,
             time=times,
             tip_displacement=motion.tip,
-            small_deformation_until=motion.small_deformation_until,
             n_steps=motion.steps,
             _error=partial(self._error, maneuver, times, start, motion),
+            _small_until=motion.small_deformation_until,
             details=partial(self._details, maneuver, times, motion),
             stages=motion.stages,
         )

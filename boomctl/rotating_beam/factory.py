@@ -13,7 +13,6 @@ from boomctl.rotating_beam.assumed_modes import AssumedModesBeam
 from boomctl.rotating_beam.beam import HubBeam, in_model
 from boomctl.rotating_beam.exact.beam import GeometricallyExactBeam
 from boomctl.rotating_beam.parameters import HubBeamChanges, HubBeamParameters
-from boomctl.threads import one_blas_thread
 
 
 @overload
@@ -64,7 +63,6 @@ def hub_beam(
 ) -> HubBeam: ...
 
 
-@one_blas_thread
 def hub_beam(
     parameters: HubBeamParameters | None = None,
     model: str | None = None,

@@ -28,8 +28,8 @@ class Motion:
     ----------
     tip : ndarray, k
         Transverse displacement of the free end in the hub's frame, m.
-    small_deformation_until : float
-        Time at which the displacement first exceeds a tenth of the length, s; inf if it never does.
+    small_deformation_until : callable
+        Returns the time at which the displacement first exceeds a tenth of the length, s; inf if it never does.
     states : callable
         Returns coordinates and rates of hub and beam at the times, k x N each.
     error : float
@@ -41,7 +41,7 @@ class Motion:
     """
 
     tip: Array
-    small_deformation_until: float
+    small_deformation_until: Callable[[], float]
     states: Callable[[], tuple[Array, Array]]
     error: float
     steps: int
@@ -138,10 +138,10 @@ class SimulationResult(TimeSeries):
     model: str
     time: Array
     tip_displacement: Array
-    small_deformation_until: float
     n_steps: int
     details: Callable[[], Details] = field(repr=False, compare=False)
     _error: Callable[[], float] = field(repr=False, compare=False)
+    _small_until: Callable[[], float] = field(repr=False, compare=False)
     stages: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
@@ -190,6 +190,11 @@ class SimulationResult(TimeSeries):
     def error_estimate(self) -> float:
         """Estimated largest error of the tip displacement, m."""
         return self._error()
+
+    @cached_property
+    def small_deformation_until(self) -> float:
+        """Time at which the tip displacement first exceeds a tenth of the length, s."""
+        return self._small_until()
 
     @cached_property
     def _details(self) -> Details:

@@ -5,6 +5,7 @@ displacement and hub angle at the requested times are compared with a run with t
 motion is interpolated by the Hermite polynomial of degree 11 through six ends.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -207,14 +208,12 @@ def run_to_tolerance(
     )
 
 
-def _small_until(dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state: tuple[Array, Array]) -> float:
-    """Return the time up to which the deformation is small, from tip positions and states at k times."""
-    q, v = state
-
-    def tip_rate(part: slice) -> Array:
-        return np.imag(dynamics.tip_rate(q[part], v[part]))
-
-    return small_deformation_until(timepts, np.imag(tip), dynamics.basis.length, tip_rate)
+def _small_until(
+    dynamics: ExactBeamDynamics, timepts: Array, tip: Array, state: tuple[Array, Array]
+) -> Callable[[], float]:
+    """Return what finds the time up to which the deformation is small, from tip positions and states at k times."""
+    tip_rate = np.imag(dynamics.tip_rate(*state)).__getitem__
+    return partial(small_deformation_until, timepts, np.imag(tip), dynamics.basis.length, tip_rate)
 
 
 def _steps(start: float, stop: float, step: float, timepts: Array, least: int) -> int:

@@ -8,7 +8,6 @@ step the hub's speed is assumed constant: a free vibration without a polynomial 
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple, final
 
 import numpy as np
@@ -22,7 +21,6 @@ from boomctl.rotating_beam.motion.refinement import Accuracy, halved
 from boomctl.rotating_beam.motion.trajectory import SMOOTH, Vibrations
 
 STAGES = 8  # Nodes of a step: forces of degree 7 over nearly a period of the lowest mode.
-_LOW_TERMS = 6  # Legendre terms of the forces below the two highest, whose effect is the error estimate.
 _PASSES = 10  # Most sweeps for the forces before a linear system is solved.
 _FIRST_CHECK = 4  # Sweep after which convergence is first checked; an earlier check costs more than it saves.
 _SETTLED = 1e-11  # Relative change of the forces at which sweeps stop; the remaining error is a tenth of it.
@@ -86,7 +84,7 @@ class ModalTrajectory:
         known = self.vibrations
         omega, h, modes = known.rates.imag[:-1], known.h[:-1, None], known.shapes[:-1]
         weights = np.abs(rows @ modes).max(axis=1)
-        terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[_LOW_TERMS - 2 :].T)
+        terms = np.abs(known.force[:-1, :, 0] @ gauss_method(STAGES).terms[-4:].T)
         before, last = terms[..., 0] + terms[..., 1], terms[..., 2] + terms[..., 3]
         after = last * last / np.maximum(np.maximum(before, last), np.finfo(float).tiny)
         inside = float((weights * after / (omega * omega + _TERM_SCALE / (h * h))).sum(axis=1).max())
@@ -181,11 +179,12 @@ def modal_march(
     known[:, :-1] = modal[:-1].reshape(h.size, 2 * n)
     force = np.zeros((h.size + 1, n, 1, STAGES))
     force[:-1, :, 0] = (steps.force @ known[:, None, :, None])[..., 0]
-    lost = 2.0 * (steps.end_by_force @ (force[:-1, :, 0] @ _highest().T)[..., None])[..., 0]
+    lost = 2.0 * (steps.end_by_force @ (force[:-1, :, 0] @ method.highest.T)[..., None])[..., 0]
     lost = lost.swapaxes(1, 2) @ modes.swapaxes(1, 2)
     vibrations = Vibrations(
         begin=edges,
         h=lengths,
+        steps=np.ones_like(lengths, dtype=int),
         rates=rates,
         shapes=shapes,
         force=force,
@@ -290,13 +289,6 @@ def _forces(to_nodes: Array, remainder: Array, coupling: Array, free: Array) -> 
     system = system.reshape(m, n * s, n * s)
     system.reshape(m, -1)[:, :: n * s + 1] += 1.0
     return forces(np.linalg.solve(system, free.reshape(m, n * s, columns)))
-
-
-@lru_cache(maxsize=1)
-def _highest() -> Array:
-    """Return the projection of values at the nodes onto the two highest Legendre terms, s x s."""
-    terms = gauss_method(STAGES).terms
-    return np.linalg.inv(terms)[:, _LOW_TERMS:] @ terms[_LOW_TERMS:]
 
 
 def _run_through(transition: Array, push: Array, start: Array) -> Array:

@@ -6,7 +6,8 @@ polynomials of the nodes is integrated by quadrature; a fast oscillator's is the
 the force, and a vibration. The first oscillator of a window is a free mass, ``z'' = F``, with ``u = z' + i z``, as if l
 were i.
 
-Axes are oscillators (1 + n, with the free mass), steps m and nodes s; functions of rates take further axes in front.
+Axes are oscillators (1 + n, with the free mass), motions k that are integrated at once, steps m and nodes s; functions of
+rates take further axes in front.
 """
 
 from functools import lru_cache
@@ -45,15 +46,15 @@ class Flow(NamedTuple):
 
     Attributes
     ----------
-    to_nodes : ndarray, (1 + n) x (s + 2) x 2 s
-        From forces at the nodes, Re u and Im u at a step's start to coordinates and rates at the nodes. The free
+    to_nodes : ndarray, 2 x (1 + n) x 1 x (s + 2) x s
+        From forces at the nodes, Re u and Im u at a step's start to coordinates, and to rates, at the nodes. The free
         vibration of a fast oscillator is omitted: the nodes do not resolve it.
-    to_end : ndarray, (1 + n) x s x 2
+    to_end : ndarray, (1 + n) x 1 x s x 2
         Re u and Im u at a step's end by the forces, from rest.
-    resting : ndarray, n x s x 2
+    resting : ndarray, n x 1 x s x 2
         Re u and Im u at a step's start for which a fast oscillator does not vibrate; zero for the others.
     fast : ndarray of bool, n
-    turns, back : complex ndarray, n x (m + 1)
+    turns, back : complex ndarray, n x 1 x (m + 1)
         ``exp(l t)`` at the ends of the steps, and its inverse.
     h : float
         Length of a step, s.
@@ -68,48 +69,48 @@ class Flow(NamedTuple):
     h: float
 
     def states(self, force: Array, start: Array, impulses: Array | None = None) -> Array:
-        """``u`` at the ends of the steps from ``u`` before the first, (1 + n) x (m + 1).
+        """``u`` at the ends of the steps from ``u`` before the first, (1 + n) x k x (m + 1).
 
         Impulses act at the ends of the steps, in the same shape: the states are those after them.
         """
         gained = _complex(force @ self.to_end)
         if impulses is not None:
-            start = start + impulses[:, 0]
-            gained += impulses[:, 1:]
-        u: Array = np.empty((len(gained), gained.shape[1] + 1), dtype=complex)
-        u[:, 0] = start
-        vibrating: Array = u[1:, 1:]
-        np.add.accumulate(gained[1:] * self.back[:, 1:], axis=-1, out=vibrating)
-        vibrating += start[1:, None]
-        vibrating *= self.turns[:, 1:]
+            start = start + impulses[..., 0]
+            gained += impulses[..., 1:]
+        u: Array = np.empty((*gained.shape[:-1], gained.shape[-1] + 1), dtype=complex)
+        u[..., 0] = start
+        vibrating: Array = u[1:, :, 1:]
+        np.add.accumulate(gained[1:] * self.back[..., 1:], axis=-1, out=vibrating)
+        vibrating += start[1:, :, None]
+        vibrating *= self.turns[..., 1:]
         speed, position = u[0].real, u[0].imag
-        np.add.accumulate(gained[0].real, out=speed[1:])
-        speed[1:] += speed[0]
-        np.add.accumulate(gained[0].imag + self.h * speed[:-1], out=position[1:])
-        position[1:] += position[0]
+        np.add.accumulate(gained[0].real, axis=-1, out=speed[:, 1:])
+        speed[:, 1:] += speed[:, :1]
+        np.add.accumulate(gained[0].imag + self.h * speed[:, :-1], axis=-1, out=position[:, 1:])
+        position[:, 1:] += position[:, :1]
         return u
 
     def vibrations(self, force: Array, u: Array) -> Array:
-        """Free vibrations of the fast oscillators at the beginning of each step, as ``u``, n x m."""
-        free: Array = u[1:, :-1] - _complex(force[1:] @ self.resting)
+        """Free vibrations of the fast oscillators at the beginning of each step, as ``u``, n x k x m."""
+        free: Array = u[1:, :, :-1] - _complex(force[1:] @ self.resting)
         free[~self.fast] = 0.0
         return free
 
     def beginning(self, free: Array) -> Array:
         """Return the rates of these vibrations that start at each step, less those that end with the step before."""
-        rates = np.zeros((len(free), free.shape[1] + 1))
-        rates[:, :-1] = free.real
-        rates[:, 1:] -= np.real(self.turns[:, 1:2] * free)
+        rates = np.zeros((*free.shape[:-1], free.shape[-1] + 1))
+        rates[..., :-1] = free.real
+        rates[..., 1:] -= np.real(self.turns[..., 1:2] * free)
         return rates
 
-    def at_nodes(self, force: Array, u: Array) -> tuple[Array, Array]:
-        """Coordinates and rates at all nodes, (1 + n) x (m s) each."""
-        size, m, s = force.shape
-        known = np.empty((size, m, s + 2))
+    def at_nodes(self, force: Array, u: Array) -> Array:
+        """Coordinates and rates at all nodes, 2 x (1 + n) x (k m s)."""
+        size, s = len(force), force.shape[-1]
+        known = np.empty((*force.shape[:-1], s + 2))
         known[..., :s] = force
-        known[..., s], known[..., s + 1] = u.real[:, :-1], u.imag[:, :-1]
-        both = known @ self.to_nodes
-        return both[..., :s].reshape(size, m * s), both[..., s:].reshape(size, m * s)
+        known[..., s], known[..., s + 1] = u.real[..., :-1], u.imag[..., :-1]
+        result: Array = known @ self.to_nodes
+        return result.reshape(2, size, -1)
 
 
 def flow(rates: Array, h: float, steps: int, stages: int) -> Flow:
@@ -132,18 +133,19 @@ def flow(rates: Array, h: float, steps: int, stages: int) -> Flow:
     z, rate = coordinates(rates, by_force[:, 1:-1])
     turned = turning(vibrating, nodes)
     turned[fast] = 0.0
-    to_nodes = np.empty((len(rates), s + 2, 2 * s))
-    to_nodes[:, :s, :s], to_nodes[:, :s, s:] = z.swapaxes(1, 2), rate.swapaxes(1, 2)
-    to_nodes[0, s, :s], to_nodes[0, s + 1, :s], to_nodes[0, s:, s:] = nodes, 1.0, [[1.0], [0.0]]
-    to_nodes[1:, s:, :s], to_nodes[1:, s:, s:] = coordinates(vibrating, np.stack([turned, 1j * turned], axis=1))
+    to_nodes = np.empty((2, len(rates), s + 2, s))
+    to_nodes[0, :, :s], to_nodes[1, :, :s] = z.swapaxes(1, 2), rate.swapaxes(1, 2)
+    to_nodes[0, 0, s], to_nodes[0, 0, s + 1], to_nodes[1, 0, s:] = nodes, 1.0, [[1.0], [0.0]]
+    to_nodes[:, 1:, s:] = coordinates(vibrating, np.stack([turned, 1j * turned], axis=1))
     turns = turning(vibrating, h * np.arange(steps + 1))
     to_end, resting = by_force[:, -1], by_force[1:, 0]
     to_end[1:] -= turns[:, 1:2] * resting
-    return Flow(to_nodes, _pairs(to_end), _pairs(resting), fast, turns, 1.0 / turns, h)
+    turns = turns[:, None]
+    return Flow(to_nodes[:, :, None], _pairs(to_end), _pairs(resting), fast, turns, 1.0 / turns, h)
 
 
 def _pairs(u: Array) -> Array:
-    return np.stack([u.real, u.imag], axis=-1)
+    return np.stack([u.real, u.imag], axis=-1)[:, None]
 
 
 def _complex(pairs: Array) -> Array:

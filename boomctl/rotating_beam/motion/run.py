@@ -122,21 +122,22 @@ def _with_hub(scene: Scene, q: Array, v: Array) -> tuple[Array, Array]:
 def _moved(scene: Scene, trajectory: ModalTrajectory | FreeTrajectory, error: float, stage: str) -> Motion:
     """Return the motion of a trajectory that is known at any time."""
     row, watched = scene.equations.tip.transverse, scene.watched
-    displacement = trajectory.displacement(row, watched)
-
-    def tip_rate(part: slice) -> Array:
-        return trajectory(watched[part])[1][:, 1:] @ row
-
-    until = small_deformation_until(watched, displacement, scene.length, tip_rate)
+    displacement, tip_rate = trajectory.displacement(row, watched), partial(_tip_rate, trajectory, watched, row)
+    until = partial(small_deformation_until, watched, displacement, scene.length, tip_rate)
     tip, states = _at_timepts(scene, displacement), partial(trajectory, scene.timepts)
     return Motion(tip, until, states, error, trajectory.steps, (stage,))
+
+
+def _tip_rate(trajectory: ModalTrajectory | FreeTrajectory, timepts: Array, row: Array, part: slice) -> Array:
+    return trajectory(timepts[part])[1][:, 1:] @ row
 
 
 def _sampled(scene: Scene, y: Array, rate: Array, error: float, steps: int, stages: tuple[str, ...]) -> Motion:
     """Return the motion of coordinates and rates at the watched times."""
     row = scene.equations.tip.transverse
     tip = y[:, 1:] @ row
-    until = small_deformation_until(scene.watched, tip, scene.length, lambda part: rate[part, 1:] @ row)
+    tip_rate = (rate[:, 1:] @ row).__getitem__
+    until = partial(small_deformation_until, scene.watched, tip, scene.length, tip_rate)
     states = partial(known_states, _at_timepts(scene, y), _at_timepts(scene, rate))
     return Motion(_at_timepts(scene, tip), until, states, error, steps, stages)
 

@@ -19,12 +19,14 @@ SMOOTH = 1.0  # Phase in a step up to which a motion from rest is a polynomial, 
 @final
 @dataclass(frozen=True, eq=False)
 class Vibrations:
-    """Vibrations of n modes through w windows, one after another, of m equal steps with s nodes.
+    """Vibrations of n modes through w windows, one after another, of up to m equal steps with s nodes.
 
     Attributes
     ----------
     begin, h : ndarray, w
         Start time of each window and length of its steps, s.
+    steps : ndarray of int, w
+        Number of steps of each window.
     rates : complex ndarray, w x n
         Eigenvalues of the oscillators, 1/s.
     shapes : ndarray, w x n x n
@@ -39,6 +41,7 @@ class Vibrations:
 
     begin: Array
     h: Array
+    steps: Array
     rates: Array
     shapes: Array
     force: Array
@@ -74,7 +77,7 @@ class Vibrations:
         """Return window and step of each time, the time since the step began, and the position in it, from -1 to 1."""
         window = np.maximum(np.searchsorted(self.begin, timepts, side="right") - 1, 0)
         h, since = self.h[window], timepts - self.begin[window]
-        step = np.clip((since / h).astype(int), 0, self.force.shape[2] - 1)
+        step = np.clip((since / h).astype(int), 0, self.steps[window] - 1)
         elapsed = since - step * h
         return window, step, elapsed, 2.0 * elapsed / h - 1.0
 
@@ -135,7 +138,7 @@ class FreeTrajectory:
     @property
     def steps(self) -> int:
         """Number of steps."""
-        return sum(item.force.shape[1] for item in self.windows)
+        return int(self._vibrations.steps.sum())
 
     def displacement(self, row: Array, timepts: Array) -> Array:
         """Return ``row q`` at times, k."""
@@ -145,8 +148,7 @@ class FreeTrajectory:
         """Return coordinates and rates of hub and beam at times, k x N each."""
         window, step, elapsed, position = self._vibrations.located(timepts)
         x, rate, turned = self._vibrations.at(timepts)
-        start: Array = np.stack([item.states[0, :-1] for item in self.windows])[window, step]
-        force = np.stack([item.force[0] for item in self.windows])[window, step]
+        start, force = (item[window, 0, step] for item in self._solved)
         h, stages = self._vibrations.h[window], force.shape[1]
         terms = force @ (gauss_method(stages).coefficients @ free_mass(1.0, stages)).T
         by_force = legendre.legval(position, terms.T, tensor=False)
@@ -165,15 +167,28 @@ class FreeTrajectory:
         return np.column_stack([theta, x @ self.form.to_q.T])
 
     @cached_property
+    def _solved(self) -> tuple[Array, Array]:
+        """Modal states at the starts of the steps, forces at the nodes; zeros up to the most steps of a window."""
+        size, _, stages = self.windows[0].force.shape
+        most = max(item.force.shape[1] for item in self.windows)
+        states = np.zeros((len(self.windows), size, most), dtype=complex)
+        force = np.zeros((*states.shape, stages))
+        for index, item in enumerate(self.windows):
+            states[index, :, : item.force.shape[1]] = item.states[:, :-1]
+            force[index, :, : item.force.shape[1]] = item.force
+        return states, force
+
+    @cached_property
     def _vibrations(self) -> Vibrations:
-        begin, h, modes, _, force, states = zip(*self.windows, strict=True)
-        rates = np.stack([item.rates[1:] for item in modes])
+        begin, h, modes, _, force, _ = zip(*self.windows, strict=True)
+        rates, (states, forces) = np.stack([item.rates[1:] for item in modes]), self._solved
         return Vibrations(
             begin=np.array(begin),
             h=np.array(h),
+            steps=np.array([item.shape[1] for item in force]),
             rates=rates,
             shapes=np.stack([item.shapes for item in modes]),
-            force=np.stack(force)[:, 1:],
-            starts=np.stack(states)[:, 1:, :-1],
-            answers=responses(rates, np.array(h), force[0].shape[2], SMOOTH),
+            force=forces[:, 1:],
+            starts=states[:, 1:],
+            answers=responses(rates, np.array(h), forces.shape[-1], SMOOTH),
         )
