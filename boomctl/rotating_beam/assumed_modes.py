@@ -24,7 +24,7 @@ from boomctl.rotating_beam.modal.first_order import FirstOrderEquations, foam, s
 from boomctl.rotating_beam.modal.integrals import MassPoints, ModalIntegrals, mass_points, modal_integrals
 from boomctl.rotating_beam.modal.shapes import axial_modes, transverse_modes
 from boomctl.rotating_beam.motion.run import motion_of
-from boomctl.rotating_beam.motion.scene import Scene
+from boomctl.rotating_beam.motion.simulation import Simulation
 from boomctl.rotating_beam.parameters import HubBeamParameters
 from boomctl.rotating_beam.result import CHUNK, Details, Dynamics, Motion
 from boomctl.rotating_beam.selection import ModelChoice
@@ -339,13 +339,13 @@ class AssumedModesBeam(HubBeam):
     ) -> Motion:
         length, (rtol, atol) = self.parameters.length, tolerance
         radius = self.parameters.hub_radius + length
-        return motion_of(Scene(self.equations, maneuver, timepts, start, rtol, atol, length, radius))
+        return motion_of(Simulation(self.equations, maneuver, timepts, start, rtol, atol, length, radius))
 
     def _details(self, maneuver: Maneuver, timepts: Array, motion: Motion) -> Details:
         y, rate = motion.states()
         q, tip = y[:, 1:], self.equations.tip
         return Details(
-            axial_tip_displacement=q @ tip.axial,
+            tip_extension=q @ tip.axial,
             foreshortening=-0.5 * np.sum((q @ tip.shortening) * q, axis=1),
             hub_angle=y[:, 0],
             hub_speed=rate[:, 0],

@@ -67,7 +67,7 @@ class Dynamics(NamedTuple):
 class Details(NamedTuple):
     """Quantities that a `SimulationResult` computes on first access; meanings and units as there."""
 
-    axial_tip_displacement: Array
+    tip_extension: Array
     foreshortening: Array
     hub_angle: Array
     hub_speed: Array
@@ -207,7 +207,7 @@ class SimulationResult(TimeSeries):
     @property
     def tip_extension(self) -> Array:
         """Extension w_1 of the beam at x = L, m."""
-        return self._details.axial_tip_displacement
+        return self._details.tip_extension
 
     @property
     def foreshortening(self) -> Array:

@@ -12,7 +12,7 @@ from boomctl.gauss import gauss_method
 from boomctl.maneuvers import applied_torque, free_hub, sine_torque
 from boomctl.rotating_beam import HubBeamParameters, hub_beam
 from boomctl.rotating_beam.motion.run import _collocated
-from boomctl.rotating_beam.motion.scene import Scene
+from boomctl.rotating_beam.motion.simulation import Simulation
 from boomctl.slew.torque import bang_bang, held
 from tests.profiles import examples
 from tests.rotating_beam.strategies import ALL_MODELS
@@ -27,8 +27,8 @@ def collocated(beam, maneuver, timepts, rtol):
     """The same motion by plain collocation."""
     p, size = beam.parameters, beam.equations.size
     start = np.zeros(size), np.zeros(size)
-    scene = Scene(beam.equations, maneuver, timepts, start, rtol, 1e-14, p.length, p.hub_radius + p.length)
-    return _collocated(scene)
+    simulation = Simulation(beam.equations, maneuver, timepts, start, rtol, 1e-14, p.length, p.hub_radius + p.length)
+    return _collocated(simulation)
 
 
 def smooth(rng, end):

@@ -241,7 +241,7 @@ class GeometricallyExactBeam(HubBeam):
         dynamics = self.dynamics
         extension = dynamics.extension(q)
         return Details(
-            axial_tip_displacement=extension,
+            tip_extension=extension,
             foreshortening=np.real(dynamics.tip(q)) - np.sum(self._basis.tip_row) - extension,
             hub_angle=q[:, 0],
             hub_speed=v[:, 0],

@@ -18,9 +18,9 @@ from boomctl.arrays import Array
 from boomctl.exceptions import SimulationError
 from boomctl.lti.rounding import ALIKE
 from boomctl.maneuvers import HubProfile, Maneuver, Torque
-from boomctl.rotating_beam.drive import resolving
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
 from boomctl.rotating_beam.exact.integrator import StepFailedError, Trajectory, march
+from boomctl.rotating_beam.jumps import steps_resolving
 from boomctl.rotating_beam.result import HOPELESS, Motion, known_states, small_deformation_until
 
 _WINDOW = 6  # Ends of steps in an interpolation polynomial: degree 11, above the order of the steps.
@@ -119,7 +119,7 @@ def _bounds(maneuver: Maneuver, end: float, step: float) -> Array:
         for start, stop in pairwise(bounds)
     ]
     coarse = np.append(np.concatenate(parts), end)
-    return np.union1d(bounds, np.setdiff1d(resolving(coarse, drive), coarse))
+    return np.union1d(bounds, np.setdiff1d(steps_resolving(coarse, drive), coarse))
 
 
 def run_to_tolerance(

@@ -17,11 +17,11 @@ from numpy.polynomial import legendre
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.rounding import ALIKE, COMPUTED, SUMMED
-from boomctl.rotating_beam.drive import even_times, polynomial_errors
+from boomctl.rotating_beam.jumps import even_times, polynomial_errors
 from boomctl.rotating_beam.modal.equations import FreeHubForm
 from boomctl.rotating_beam.motion.free_modes import FreeModes, free_modes
 from boomctl.rotating_beam.motion.oscillators import FAST, Flow, coordinates, flow
-from boomctl.rotating_beam.motion.scene import Scene
+from boomctl.rotating_beam.motion.simulation import Simulation
 from boomctl.rotating_beam.motion.sweeps import Swept, settle, swept
 from boomctl.rotating_beam.motion.trajectory import FreeTrajectory, WindowMotion
 
@@ -112,7 +112,7 @@ class _Run:
     Attributes
     ----------
     form : FreeHubForm
-    scene : Scene
+    simulation : Simulation
     corners : ndarray
         Times at which the torque is not smooth, s; ascending, > 0, the last is the end.
     states : ndarray
@@ -129,7 +129,7 @@ class _Run:
     """
 
     form: FreeHubForm
-    scene: Scene
+    simulation: Simulation
     corners: Array
     states: Array
     h: float
@@ -143,7 +143,7 @@ class _Run:
 
     def go_on(self) -> bool:
         """Solve a window, and accept or repeat it; return False if the motion needs too many windows."""
-        (length, steps), end = self._next_window(), self.scene.end
+        (length, steps), end = self._next_window(), self.simulation.end
         h, (window, needed) = length / steps, _swept(self, length, steps)
         most_windows = _MOST_WINDOWS + _MORE_WINDOWS * (end * np.sqrt(self.form.softest) / STEPS + self.corners.size)
         if needed < np.inf:
@@ -181,7 +181,7 @@ class _Run:
     def _next_window(self) -> tuple[float, int]:
         """Return the length of the next window, s, and its number of steps, which end at breakpoints in between."""
         left = self.corners - self.time
-        left = left[left > SUMMED * self.scene.end][:_MOST_STEPS]
+        left = left[left > SUMMED * self.simulation.end][:_MOST_STEPS]
         h = min(self.h, self.most)
         longest = min(self.longest, _DECAYED / self.form.decay if self.form.decay else np.inf)
 
@@ -205,30 +205,30 @@ class _Run:
 
     def allowed(self, peaks: Array) -> Array:
         """Return the allowed errors for the largest values so far, m."""
-        return self.scene.atol + self.scene.rtol * np.maximum(self.peaks, peaks) + np.finfo(float).tiny
+        return self.simulation.atol + self.simulation.rtol * np.maximum(self.peaks, peaks) + np.finfo(float).tiny
 
     def addable(self, peaks: Array, length: float) -> Array:
         """Return the error that a window of a length [s] may add, m."""
-        return _LOCAL * max(_LEAST_LOCAL, length / self.scene.end) * self.allowed(peaks)
+        return _LOCAL * max(_LEAST_LOCAL, length / self.simulation.end) * self.allowed(peaks)
 
 
-def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTrajectory, float] | None:
+def free_motion(form: FreeHubForm, simulation: Simulation, corners: Array) -> tuple[FreeTrajectory, float] | None:
     """Return a motion and the error of its free end [m]; None if the tolerance is not reached.
 
     Parameters
     ----------
     form : FreeHubForm
-    scene : Scene
+    simulation : Simulation
     corners : ndarray
         Times at which the torque is not smooth, s; ascending, > 0, the last is the end.
     """
-    states = np.array(scene.start)
+    states = np.array(simulation.start)
     states[:, 1:] = np.linalg.solve(form.to_q, states[:, 1:].T).T
     states[:, 0] = (states[:, 0] - states[:, 1:] @ form.lean) * np.sqrt(form.inertia)
-    h = _FIRST_PHASE * max(scene.rtol, COMPUTED) ** (1.0 / _ORDER) / np.sqrt(form.softest)
-    run = _Run(form, scene, corners, np.stack([states, states]), h)
+    h = _FIRST_PHASE * max(simulation.rtol, COMPUTED) ** (1.0 / _ORDER) / np.sqrt(form.softest)
+    run = _Run(form, simulation, corners, np.stack([states, states]), h)
     # relative to the full duration: a breakpoint this close counts as reached
-    while scene.end - run.time > SUMMED * scene.end:
+    while simulation.end - run.time > SUMMED * simulation.end:
         if not run.go_on():
             return None
     allowed = run.allowed(run.peaks)
@@ -237,11 +237,11 @@ def free_motion(form: FreeHubForm, scene: Scene, corners: Array) -> tuple[FreeTr
 
 
 def _weights(form: FreeHubForm, modes: FreeModes, run: _Run) -> _Weights:
-    rows = run.scene.tip_rows @ form.to_q @ modes.shapes
+    rows = run.simulation.tip_rows @ form.to_q @ modes.shapes
     rows = np.concatenate([np.zeros((len(rows), 1)), rows], axis=1)
-    hub = run.scene.radius * modes.push
+    hub = run.simulation.radius * modes.push
     sizes = np.stack([np.abs(rows).max(axis=0), np.abs(hub)]) / modes.rates.imag
-    return _Weights(rows, hub, sizes, hub * (run.scene.end - run.time))
+    return _Weights(rows, hub, sizes, hub * (run.simulation.end - run.time))
 
 
 def _swept(run: _Run, length: float, steps: int) -> tuple[_Window | None, float]:
@@ -250,7 +250,7 @@ def _swept(run: _Run, length: float, steps: int) -> tuple[_Window | None, float]
     The window is None if the sweeps do not converge, or fast modes vibrate too much unless such steps [s] resolve them.
     """
     h, form = length / steps, run.form
-    torque = run.scene.problem.drive(run.time + h * (np.arange(steps)[:, None] + gauss_method(STAGES).nodes))
+    torque = run.simulation.problem.drive(run.time + h * (np.arange(steps)[:, None] + gauss_method(STAGES).nodes))
     impulses = torque @ gauss_method(STAGES).weights * h
     speeds = run.states[0, 1, 0] / np.sqrt(form.inertia) + np.cumsum(impulses) / form.inertia  # of a rigid beam
     modes = free_modes(form, float(np.sqrt(np.mean(speeds**2))))
@@ -295,21 +295,21 @@ def _torque_errors(weights: _Weights, run: _Run, h: float, nodes: Array) -> Arra
 
     Samples at equally spaced times are included: a pulse longer than their spacing is detected.
     """
-    if not run.scene.user_defined:
+    if not run.simulation.user_defined:
         return np.zeros(2)
-    positions, times = np.array([_INSIDE, 1.0 - _INSIDE]), even_times(run.scene.end)
+    positions, times = np.array([_INSIDE, 1.0 - _INSIDE]), even_times(run.simulation.end)
     begin = run.time + h * np.arange(len(nodes))
-    values = run.scene.problem.drive(begin[:, None] + h * positions)
+    values = run.simulation.problem.drive(begin[:, None] + h * positions)
     near_ends = legendre.legvander(2.0 * positions - 1.0, STAGES - 1) @ gauss_method(STAGES).terms
     error = np.abs(values - nodes @ near_ends.T).max(axis=1)
     gap = times[1]
     times = times[(times >= begin[0]) & (times <= begin[-1] + h)]
-    result = run.scene.problem.drive(times)
+    result = run.simulation.problem.drive(times)
     between, _ = polynomial_errors(nodes, begin, np.full(len(nodes), h), times, result)
     size = max(np.abs(values).max(), np.abs(result).max(initial=0.0))
     error[error <= COMPUTED * size] = 0.0
     between[between <= SUMMED * size] = 0.0
-    push = weights.hub / run.scene.radius
+    push = weights.hub / run.simulation.radius
     moved = np.array([weights.sizes[0, 1:] @ np.abs(push[1:]), weights.speed[0] * push[0]])
     return max(h * error.sum(), gap * between.sum()) * moved
 

@@ -8,7 +8,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import boomctl as bc
-from boomctl.rotating_beam.drive import resolving
+from boomctl.rotating_beam.jumps import steps_resolving
 from tests.profiles import examples
 
 END = 20.0
@@ -67,14 +67,16 @@ def test_other_integrators_know_of_the_jumps_too(model):
 @given(st.lists(st.floats(0.05, 19.9), min_size=1, max_size=8, unique=True))
 def test_steps_of_a_torque_that_jumps_end_at_its_jumps(instants):
     places = np.sort(instants)
-    edges = resolving(np.linspace(0.0, END, 11), lambda t: (np.searchsorted(places, t, side="right") % 2).astype(float))
+    edges = steps_resolving(
+        np.linspace(0.0, END, 11), lambda t: (np.searchsorted(places, t, side="right") % 2).astype(float)
+    )
     assert np.abs(edges[:, None] - places).min(axis=0).max() <= 2e-12 * END
 
 
 @pytest.mark.parametrize("smooth", [np.sin, lambda t: np.exp(-t), lambda t: t**3 - 1e3 * t, lambda t: 1.0 + 0.0 * t])
 def test_steps_of_a_smooth_torque_stay_as_they_are(smooth):
     edges = np.linspace(0.0, END, 21)
-    np.testing.assert_array_equal(resolving(edges, smooth), edges)
+    np.testing.assert_array_equal(steps_resolving(edges, smooth), edges)
 
 
 @examples(50)

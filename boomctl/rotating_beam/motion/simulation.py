@@ -11,7 +11,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.exceptions import SimulationError
 from boomctl.maneuvers import HubProfile, Maneuver, PrescribedMotion, Torque, TorqueDriven
-from boomctl.rotating_beam.drive import resolving
+from boomctl.rotating_beam.jumps import steps_resolving
 from boomctl.rotating_beam.modal.equations import Equations
 from boomctl.rotating_beam.motion.problems import PrescribedProblem, Problem, TorqueDrivenProblem
 from boomctl.rotating_beam.motion.refinement import Accuracy
@@ -28,7 +28,7 @@ _PHASE_GRADED = 1.4  # First step times the lowest frequency, for polynomials: a
 
 @final
 @dataclass(frozen=True, eq=False)
-class Scene:
+class Simulation:
     """Simulation problem: equations, maneuver, requested times, initial state and tolerances.
 
     Attributes
@@ -138,4 +138,4 @@ class Scene:
                 parts.append(left + (right - left) / count * 0.5 ** np.arange(halvings, 0, -1))
             parts.append(right - (right - left) / count * np.arange(count - 1, -1, -1))
         edges = np.concatenate(parts)
-        return resolving(edges, self.problem.drive) if self.user_defined else edges
+        return steps_resolving(edges, self.problem.drive) if self.user_defined else edges

@@ -51,7 +51,7 @@ def polynomial_errors(values: Array, begin: Array, length: Array, times: Array, 
     return np.where((position > ALIKE) & (position < 1.0 - ALIKE), error, 0.0), step
 
 
-def resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
+def steps_resolving(edges: Array, function: Callable[[Array], Array]) -> Array:
     """Halve steps until a polynomial approximates a function on each step; jumps are then within very short steps.
 
     Parameters
