@@ -621,7 +621,8 @@ def _modes_first(fit: CommonPoles, trial: _Trial, wanted: int | None) -> tuple[C
             f"sample_time = {step!r}: expected resonances well below half the sampling rate, got one at"
             f" {folded[0].imag / (2.0 * np.pi):.4g} Hz of {0.5 / step:.4g}; sample faster, or filter before sampling"
         )
-    return replace(fit, poles=fit.poles[np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")]), number
+    order = np.argsort(np.where(inside, fit.poles.imag, np.inf), kind="stable")
+    return fit if (np.diff(order) > 0).all() else replace(fit, poles=fit.poles[order]), number
 
 
 def _check_fit(percent: Array, outputs: Sequence[str]) -> None:

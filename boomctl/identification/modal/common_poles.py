@@ -16,8 +16,8 @@ _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays f
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
 _FARTHEST = 1.0  # Largest change in a step of the logarithm of a decay rate, and of a frequency over the rate.
 _LEAST_DECAY = 1e-7  # Smallest decay rate relative to the frequency; a record does not determine smaller ones.
-_FAST = 2.0  # Frequency of the modes above the band over its upper end; 1.5 to 4 give the same fit.
-_SLOW = 0.5  # Frequency of the modes below the band, relative to its lower end.
+_BEYOND = 1.1, 1.25, 1.5, 2.0  # Frequencies of modes above a band over its upper end; below the band the inverse.
+_LIGHT = 0.05  # their damping ratio
 _AROUND = 10.0  # Fewest lines on either side of a resonance from which its errors are estimated.
 _BLOCK = 64  # Lines over which errors count as equally large: their median is accurate to a fifth.
 _RESONANCES = 3  # Resonances from which the error of the model is known.
@@ -26,9 +26,9 @@ _CLEAN = 1e-6  # of the energy of the outputs: of residuals that have more, roun
 
 
 def fixed_poles(low: float, high: float) -> Array:
-    """Return where modes outside a band [rad/s] are put: one pair above, and one below if the band does not begin at zero."""
-    at = [_FAST * high] + ([_SLOW * low] if low > 0.0 else [])
-    return np.array(at) * (-1.0 + 1.0j) / np.sqrt(2.0)
+    """Return where modes outside a band [rad/s] may be put: above, and below if the band does not begin at zero."""
+    beyond = np.array(_BEYOND)
+    return np.append(beyond * high, low / beyond if low > 0.0 else []) * (-_LIGHT + 1.0j)
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class CommonPoles:
                 break
         return result, left
 
-    @property
+    @cached_property
     def basis(self) -> Array:
         """Orthonormal columns of all that is linear, (2 n, r)."""
         return (self._root.T @ self._rows).T
@@ -193,30 +193,34 @@ class CommonPoles:
         return pairs[:, :, :m].reshape(len(self.poles), 2 * m)
 
     @property
+    def errors_around(self) -> Array:
+        """Of `errors` the mean around the resonance of each pole, (k, p)."""
+        width = _AROUND * self.data.resolution
+        around = 1.0 / (np.square(np.abs(self.data.s[:, None] - self.poles)) + width**2)
+        return (around / around.sum(axis=0)).T @ self.errors
+
+    @property
     def evidence(self) -> Array:
         """By how much the sum of squares, in units of the errors, rises where the inputs no longer move a pair.
 
         Errors are those around the resonance.
         """
-        m = self.data.U.shape[1]
-        width = _AROUND * self.data.resolution
-        around = 1.0 / (np.square(np.abs(self.data.s[:, None] - self.poles)) + width**2)
-        errors = (around / around.sum(axis=0)).T @ self.errors
-        result = []
+        m, errors, result = self.data.U.shape[1], self.errors_around, []
         for k, (rows, answer) in enumerate(zip(self._of_inputs, self.coefficients[:, :, :m], strict=True)):
             spread, c = self._root[rows] @ self._root[rows].T, answer.reshape(2 * m, -1)
             result.append(float((c * (linalg.pinv(spread, check_finite=False) @ c) / errors[k]).sum()))
         return np.array(result)
 
-    @property
-    def pole_jacobian(self) -> Array:
-        """Columns of the derivatives by each pole, without what all columns explain of them, (2 n, k, w)."""
-        derived, basis = self._derived.T, self.basis
-        return (derived - basis @ (basis.T @ derived)).reshape(len(derived), len(self.poles), 2 * self._width)
+    @cached_property
+    def over_time(self) -> tuple[Array, ...]:
+        """Derivatives by each pole without what all columns explain of them, `basis` and `residuals`, of each record."""
+        derived, basis = self._derived, self.basis.T
+        jacobian = derived - (derived @ basis.T) @ basis
+        return self.data.over_time(np.concatenate([jacobian, basis, self.residuals.T]).T)
 
     @property
     def factors(self) -> Array:
-        """Factors of `pole_jacobian` for the logarithm of each decay rate and for frequency over rate, (k, 2, w, p)."""
+        """Factors of these derivatives for the logarithm of each decay rate and for frequency over rate, (k, 2, w, p)."""
         c = self.coefficients
         shape = len(c), 2 * self._width, c.shape[3]
         decay, turn = c.reshape(shape), np.stack([-c[:, 1], c[:, 0]], axis=1).reshape(shape)

@@ -27,20 +27,19 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
     (k, 2) ndarray
         Of the logarithm of each pole's decay rate, and of its frequency over the decay rate.
     """
-    columns, factors, p = fit.pole_jacobian, fit.factors, fit.residuals.shape[1]
-    k, w = columns.shape[1:]
-    together = np.concatenate([columns.reshape(len(columns), -1), fit.basis, fit.residuals], axis=1)
+    factors, p = fit.factors, fit.residuals.shape[1]
+    k, w = len(factors), factors.shape[2]
     total = fit.normal_equations[0]
     total = total + np.diag(np.diagonal(total) == 0.0)  # the frequency of a real pole is no parameter
     weights = np.einsum("kjwp,kjvp,kj->kwv", factors, factors, 1.0 / np.diagonal(total).reshape(k, 2))
 
     def information(part: Array) -> Array:
         """Return the fraction of each row in the curvature of each parameter, summed over the parameters."""
-        jacobian = part[:, : k * w].reshape(-1, k, w).transpose(1, 0, 2)
-        return ((jacobian @ weights) * jacobian).sum(axis=(0, 2))
+        jacobian = part[:, : k * w].T.reshape(k, w, -1)
+        return ((weights @ jacobian) * jacobian).sum(axis=(0, 1))
 
     steps = []
-    for block in _blocks(fit, together, count, information):
+    for block in _blocks(fit, fit.over_time, count, information):
         jacobian, basis, left = np.split(block, [k * w, -p], axis=1)
         own = curvature(factors, jacobian.T @ jacobian)
         gradient = pull(factors, jacobian.T @ (left + _left_out(basis, left)))
@@ -53,7 +52,8 @@ def left_out_errors(fit: CommonPoles) -> Array:
     """Compute the sum of squared errors of each block if the residues are fitted without the block."""
     p = fit.residuals.shape[1]
     result = []
-    for block in _blocks(fit, np.concatenate([fit.basis, fit.residuals], axis=1), BLOCKS):
+    columns = np.concatenate([fit.basis.T, fit.residuals.T]).T
+    for block in _blocks(fit, fit.data.over_time(columns), BLOCKS):
         basis, left = np.split(block, [-p], axis=1)
         result.append(np.square(left + _left_out(basis, left)).sum())
     return np.array(result)
@@ -66,14 +66,12 @@ def _left_out(basis: Array, left: Array) -> Array:
 
 
 def _blocks(
-    fit: CommonPoles, columns: Array, count: int, information: Callable[[Array], Array] | None = None
+    fit: CommonPoles, parts: tuple[Array, ...], count: int, information: Callable[[Array], Array] | None = None
 ) -> list[Array]:
-    """Return blocks of columns: over time, of equal length or information, or groups of lines of a frequency response."""
+    """Return blocks of rows: over time, of equal length or information, or groups of lines of a frequency response."""
     if not fit.data.lengths:
-        rows = columns[np.argsort(np.repeat(np.abs(fit.data.s), 2), kind="stable")]
-        group = np.arange(len(rows)) // 2 % count  # each resonance has lines in many groups
-        return [rows[group == k] for k in range(group.max() + 1)]
-    parts = fit.data.in_time(columns)
+        group = np.arange(len(parts[0])) // 2 % count  # each resonance has lines in many groups
+        return [parts[0][group == k] for k in range(group.max() + 1)]
     length = sum(map(len, parts)) / count
     result = []
     for part in parts:

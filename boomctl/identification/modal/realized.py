@@ -192,7 +192,7 @@ def _coefficients(columns: Array, y: Array) -> Array:
     """Return the coefficients of columns of any size by least squares."""
     size = np.linalg.norm(columns, axis=0)
     size[size == 0.0] = 1.0
-    return linalg.lstsq(columns / size, y)[0] / size[:, None]  # type: ignore[index]
+    return linalg.lstsq(columns / size, y, lapack_driver="gelsy")[0] / size[:, None]  # type: ignore[index]
 
 
 def _columns(data: Spectra, poles: Array, b: Array, fixed: Array, rigid_b: Array, integrators: int) -> list[Array]:

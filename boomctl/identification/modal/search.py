@@ -11,7 +11,7 @@ from boomctl.identification.modal.common_poles import CommonPoles, fitted, fixed
 from boomctl.identification.modal.jackknife import BLOCKS, deviations, left_out_errors
 from boomctl.identification.modal.spectra import Spectra, complex_of
 from boomctl.identification.modal.start import Track, poles_by_order, tracks
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, SUMMED
 
 _ORDERS = 11  # Number of orders, from half to the highest.
 _ROUNDS = 2  # Rounds of candidates.
@@ -19,19 +19,20 @@ _CANDIDATES = 12  # Candidates of a round.
 _FACTOR = 2.0  # Largest factor of the 95 % interval of a damping ratio.
 _FACTOR_NEAR = 1.6  # The same of a mode within a wider resonance, where errors of the model look like modes.
 _HALF_WIDTHS = 1.0  # Largest 95 % interval of a frequency [half-power half widths].
+_CLEAR = 0.1  # Half widths of intervals by the errors around, below which a pole is determined whatever blocks show.
 _QUANTILE = float(stats.t.ppf(0.975, BLOCKS - 1))
 MOST_DAMPED = 0.6  # Largest damping ratio of a mode.
 _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the joint fit.
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
 _SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for an additional term.
-_LEAST_FALL = 0.05  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
+_LEAST_FALL = 0.03  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
 _LEAST_FALL_OF_RIGID_BODY = 0.1  # The same for integrators and real poles.
 _REAL_POLES = 2  # Largest number of real poles.
 _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
-_STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
+_STEADY = 0.4  # Fraction of the orders at which a pole is stable if the fit starts from it.
 _LESS_STEADY = 0.2  # The same where that fit finds no pole.
 _REACH = 6.0  # Half widths to either side of a resonance in its window.
 _FEWEST = 12  # Lines to either side at least.
@@ -99,8 +100,9 @@ def refine(fit: CommonPoles, band: Band) -> tuple[CommonPoles, Array]:
 
 
 def settled(fit: CommonPoles, band: Band) -> CommonPoles:
-    """Return the fit at its minimum, without poles that are not determined."""
-    return pruned(fitted(_weighted(_roughly(fit))), band)
+    """Return the fit at its minimum, without poles that are not determined; modes by frequency, then other poles."""
+    order = np.argsort(np.where(band.modes(fit.poles), fit.poles.imag, np.inf), kind="stable")
+    return pruned(fitted(_weighted(_roughly(_with(fit, fit.poles[order])))), band)
 
 
 def most_poles(data: Spectra) -> int:
@@ -114,18 +116,15 @@ def with_background(fit: CommonPoles, band: Band) -> CommonPoles:
         fewer = _roughly(replace(fit, integrators=fit.integrators - 1))
         fit = fit if _falls(left_out_errors(fewer), left_out_errors(fit)) else fewer
     fit = _with_rigid_body(fit, band)
-    fixed = [pole for pole in fixed_poles(band.low, band.high) if pole not in fit.fixed]
-    if fit.data.held and 2.0 * band.high * fit.data.step > np.pi:
-        fixed = [pole for pole in fixed if abs(pole) < band.high]
-    errors = left_out_errors(fit)
-    while fixed:
-        trials = [replace(fit, fixed=np.append(fit.fixed, pole)) for pole in fixed]
-        best = min(trials, key=lambda trial: trial.cost)
-        after = left_out_errors(best)
+    errors, fixed = left_out_errors(fit), fixed_poles(band.low, band.high)
+    if fit.data.held:
+        fixed = fixed[fixed.imag * fit.data.step < np.pi]
+    while len(fixed := np.setdiff1d(fixed, fit.fixed)):
+        more = replace(fit, fixed=np.append(fit.fixed, _strongest(fit, fixed)))
+        after = left_out_errors(more)
         if not _falls(errors, after, _LEAST_FALL):
             break
-        fit, errors = best, after
-        fixed = [pole for pole in fixed if pole not in fit.fixed]
+        fit, errors = more, after
     return fit
 
 
@@ -155,14 +154,17 @@ def _with_rigid_body(fit: CommonPoles, band: Band) -> CommonPoles:
 
 def _with_real_pole(fit: CommonPoles) -> CommonPoles:
     """Add the real pole, of several rates, whose responses explain most of the residuals."""
-    data, basis = fit.data, fit.basis
-    poles = -np.geomspace(_slowest(data), data.top, _RATES_OF_REAL_POLES).astype(complex)
-    gains = []
-    for pole in poles[:, None]:
-        columns = data.rows(data.simple(pole), data.simple(pole), derived=False).T
-        columns = columns - basis @ (basis.T @ columns)
-        gains.append(np.square(root_of_inverse(columns.T @ columns).T @ (columns.T @ fit.residuals)).sum())
-    return _with(fit, np.append(fit.poles, poles[int(np.argmax(gains))]))
+    poles = -np.geomspace(_slowest(fit.data), fit.data.top, _RATES_OF_REAL_POLES).astype(complex)
+    return _with(fit, np.append(fit.poles, _strongest(fit, poles)))
+
+
+def _strongest(fit: CommonPoles, poles: Array) -> complex:
+    """Return the pole whose responses explain most of the residuals."""
+    rows, basis = fit.data.rows(fit.data.simple(poles), fit.data.simple(poles.conj()), derived=False), fit.basis
+    rows, gains = (rows - (rows @ basis) @ basis.T).reshape(len(poles), -1, len(basis)), []
+    for own in rows:
+        gains.append(np.square(root_of_inverse(own @ own.T).T @ (own @ fit.residuals)).sum())
+    return complex(poles[int(np.argmax(gains))])
 
 
 def _slowest(data: Spectra) -> float:
@@ -191,7 +193,7 @@ def _falls(before: Array, after: Array, least: float = _LEAST_FALL_OF_RIGID_BODY
 def pruned(fit: CommonPoles, band: Band) -> CommonPoles:
     """Remove poles within the band whose damping ratio or frequency the record does not determine."""
     while len(fit.poles):
-        steps = _QUANTILE * deviations(fit)
+        steps = _half_widths(fit)
         real = fit.poles.imag == 0.0
         undetermined = real & ((steps[:, 0] > np.log(_FACTOR)) | (-fit.poles.real > fit.data.top))
         if undetermined.any():
@@ -319,8 +321,19 @@ def candidates(fit: CommonPoles) -> tuple[Array, Array]:
 
 def _is_determined(fit: CommonPoles, slack: float = 1.0) -> Array:
     """Return which poles have a damping ratio and a frequency that blocks determine."""
-    decay, frequency = (_QUANTILE * deviations(fit)).T
+    decay, frequency = _half_widths(fit).T
     return (decay <= slack * np.log(_FACTOR)) & (frequency <= slack * _HALF_WIDTHS)
+
+
+def _half_widths(fit: CommonPoles) -> Array:
+    """Return half widths of the 95 % intervals of the poles, as `deviations`; by the errors around each if small."""
+    curvature = fit.normal_equations[0]
+    size = np.sqrt(np.maximum(np.diagonal(curvature), 0.0))
+    free, size = size > 0.0, np.where(size > 0.0, size, 1.0)
+    inverse = np.linalg.inv(curvature / size / size[:, None] + np.diag(~free) + SUMMED * np.eye(len(size)))
+    variances = (free * np.abs(np.diagonal(inverse)) / np.square(size)).reshape(-1, 2)
+    steps = _QUANTILE * np.sqrt(variances * fit.errors_around.max(axis=1)[:, None])
+    return steps if (steps < _CLEAR).all() else _QUANTILE * deviations(fit)
 
 
 def _two_poles(fit: CommonPoles, k: int, start: complex) -> CommonPoles | None:

@@ -207,16 +207,19 @@ class Spectra:
         parts = (columns[self.record == k] for k in range(self.records))
         return np.concatenate([2.0 * part[1:-1] - part[2:] - part[:-2] for part in parts])
 
-    def in_time(self, columns: Array) -> tuple[Array, ...]:
+    def over_time(self, columns: Array) -> tuple[Array, ...]:
         """Return the complex envelopes of real columns (2 n, k) over time as real rows, (2 N, k) for each record.
 
-        The transform is unitary: products of columns are the same.
+        The transform is unitary: products of columns are the same.  Rows of a measured response are sorted by frequency.
         """
-        whole = complex_of(columns)
+        if not self.records:
+            return (columns[np.argsort(np.repeat(np.abs(self.s), 2), kind="stable")],)
+        whole = np.ascontiguousarray(columns.T).view(complex)
         result = []
         for k, lines in enumerate(self.lines):
             samples = fft.next_fast_len(len(lines))
-            result.append(real(fft.ifft(whole[self.record == k], samples, axis=0, norm="ortho")))
+            part = whole[:, self.record == k] if self.records > 1 else whole
+            result.append(fft.ifft(part, samples, axis=1, norm="ortho").view(float).T)
         return tuple(result)
 
 
