@@ -28,7 +28,6 @@ from boomctl.analysis.sum_over_modes import UNDERFLOW, Bounded
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
-    RAISED,
     SEARCHED,
     Response,
     highest_peak,
@@ -39,7 +38,7 @@ from boomctl.lti.frequency import (
     top_of_a_mode,
 )
 from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fractions, sides
-from boomctl.lti.rounding import ALIKE, CANCELLED, CERTIFIED, DIGIT, EPS, EXACT_STATES, LEVEL, SUMMED, TINY
+from boomctl.lti.rounding import ALIKE, CANCELLED, CERTIFIED, DIGIT, EPS, EXACT_STATES, ITERATIONS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import ClosedLoop, Lti, System, rates_of
 from boomctl.printing import between
 
@@ -320,7 +319,7 @@ def level_norm(
         return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True)
     if not isfinite(value):
         return NormBounds(0.0, inf, at, UNDECIDED)
-    for _ in range(RAISED):
+    for _ in range(ITERATIONS):
         level = value * (1.0 + above)
         try:
             crossings, near = near_axis(hamiltonian_matrix(system, level))

@@ -20,6 +20,7 @@ SOLVED = 1e-13  # Rounding error of a chain of decompositions, relative to the l
 SUMMED = 1e-12  # Rounding error of an entry of matrix products, relative to its terms: some 1e4 units.
 ALIKE = 1e-9  # Relative difference up to which numbers from data or an assembly are equal: far above rounding.
 ROOT = 1e-7  # Square root of rounding, with a margin: perturbation of a double root, relative to the largest one.
+ITERATIONS = 100  # Limit of iterations that end by themselves in far fewer.
 
 # Number of states up to which exact polynomials are used where an inequality does not decide; larger systems take too long.
 EXACT_STATES = 40

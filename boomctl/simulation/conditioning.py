@@ -20,14 +20,13 @@ from scipy import linalg
 from boomctl.arrays import Array, balance
 from boomctl.checks import warn_user
 from boomctl.exceptions import WindupWarning
-from boomctl.lti.rounding import EPS, LEVEL, SUMMED
+from boomctl.lti.rounding import EPS, ITERATIONS, LEVEL, SUMMED
 from boomctl.lti.system import Lti
 
 # Relative noise added to all signals, so that the Riccati equation is solvable; too small to affect the gain.
 _REGULAR = 1e-10
 _WEAK = 1e8  # Softening of controls without limits: they count only for modes that no other control shows.
 _FOLLOWED = 2  # Most controls with a rate limit only for which boundedness is proved: see above.
-_DOUBLINGS = 40  # Doublings of the number of powers in a sum: a pole at 1 - 1e-10 has decayed by then.
 
 
 def correction(laws: Sequence[Lti], force: Array, rate: Array) -> Array:
@@ -200,7 +199,7 @@ def _lyapunov_matrix(V: Array) -> Array | None:
     power, scale = balance(V)
     P = np.eye(len(V))
     with np.errstate(all="ignore"):
-        for _ in range(_DOUBLINGS):
+        for _ in range(ITERATIONS):
             P, power = P + power.T @ P @ power, power @ power
             if not np.isfinite(P).all():
                 return None

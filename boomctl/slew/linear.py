@@ -7,11 +7,10 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.hold import observability, recursion, zero_order_hold
-from boomctl.lti.rounding import SOLVED
+from boomctl.lti.rounding import ITERATIONS, SOLVED
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
-_NEWTON = 60  # damped Newton steps on the dual at most
 _REGULAR = 1e-12  # regularization of a Gram matrix of unit rows, if few intervals are inside the limit
 _ARMIJO = 1e-4  # accept a Newton step if the decrease is at least this fraction of the predicted one
 _NEARER = 0.5  # accept a full Newton step without line search if it reduces the residual by this factor
@@ -107,7 +106,7 @@ def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None
         return u, defect, float(np.abs(defect).max() / np.abs(wanted).max())
 
     u, defect, residual = missing(c)
-    for _ in range(_NEWTON):
+    for _ in range(ITERATIONS):
         if residual <= SOLVED:  # relative residual at rounding level
             break
         inner = rows[:, np.abs(u) < limit]

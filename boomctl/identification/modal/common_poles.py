@@ -8,8 +8,8 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.modal.spectra import Spectra, complex_of, real
+from boomctl.lti.rounding import ITERATIONS
 
-_STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
 _DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
@@ -290,7 +290,7 @@ def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
     here, damping = start, _DAMPING
     if not len(here.poles):
         return here
-    for _ in range(_STEPS):
+    for _ in range(ITERATIONS):
         second, downward = here.normal_equations
         size = np.sqrt(np.maximum(np.diagonal(second), 0.0))
         if not size.any():  # wherever the poles are, what they do is explained

@@ -19,7 +19,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.rounding import ALIKE, LEVEL, TINY
+from boomctl.lti.rounding import ALIKE, ITERATIONS, LEVEL, TINY
 from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.printing import compact
 from boomctl.progress import Deadline
@@ -30,7 +30,6 @@ FIRST_LEVEL = 0.95  # Excess of the first level over the lower bound, relative t
 _SEARCH_RTOL = 0.25  # Accuracy of the lowest level, relative to rtol.
 _SECANT_MARGIN = 0.5  # Excess of a level over the secant, relative to rtol and slope, so that it is reached.
 _FIRST_GROWTH, _MAX_GROWTH = 1.1, 1e10  # Growth of the first levels, squared with each one that is not reached.
-_MAX_LEVELS = 80  # Every fourth one halves the interval; 20 halvings reduce a ratio of 1e9 to 1 + 2e-5.
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
 _ZERO_LEVEL = 1e-8  # A level below this fraction of the gain of the plant is zero.
 _INDEFINITE_RTOL = 1e-8  # A negative eigenvalue of X below this fraction of the largest one is rounding error.
@@ -262,7 +261,7 @@ def _bisected(
     low, high, levels = max(frequency, relaxed.radius), np.inf, [relaxed]
     base, growth = low or size, _FIRST_GROWTH
     gamma = base * (1.0 + FIRST_LEVEL * rtol)
-    while len(levels) <= _MAX_LEVELS:
+    while len(levels) <= ITERATIONS:
         deadline.check("searching for the lowest level")
         level = level_of(ready, gamma)
         levels.append(level)

@@ -7,10 +7,9 @@ from math import inf, isfinite
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ALIKE, COMPUTED
+from boomctl.lti.rounding import ALIKE, COMPUTED, ITERATIONS
 
 _FALL, _TURN = 1e-4, 0.5  # constants of the weak Wolfe conditions: decrease and curvature
-_TRIALS = 30  # evaluations of a line search: the step is then accurate to 1e-9
 _LITTLE = 1e-3  # smallest predicted decrease of a step, as a fraction of ``gain``
 _STALLED = 10  # steps whose total decrease is compared with ``gain``
 
@@ -124,7 +123,7 @@ def _weak_wolfe(
     t = min(1.0 / max(1.0, float(np.linalg.norm(d))) if fresh else 1.0, longest)
     short, far = 0.0, inf
     best: tuple[Array, float, Array] | None = None
-    for _ in range(_TRIALS):
+    for _ in range(ITERATIONS):
         point = np.minimum(np.maximum(x + t * d, low), high)
         result, slope = function(point)
         if not result <= value + _FALL * t * falling:
