@@ -8,8 +8,8 @@ import numpy as np
 Array: TypeAlias = np.ndarray[Any, Any]
 """Array of numbers; docstrings state the type and shape."""
 
-# A sum below this fraction of its terms counts as zero: 1e4 eps, because solved conditions amplify rounding errors.
-ROUNDED = 1e-12
+# Rounding error of an entry of matrix products, relative to its terms: some 1e4 units, because solved conditions amplify it.
+SUMMED = 1e-12
 
 
 def combined(lines: Array, T: Array) -> Array:
@@ -18,10 +18,10 @@ def combined(lines: Array, T: Array) -> Array:
     Otherwise a rigid motion could have strains, or a force could act on a motion that it does not excite.
     """
     product = lines @ T
-    bound = np.outer(np.abs(lines).max(axis=1, initial=0.0), ROUNDED * np.abs(T).sum(axis=0))
+    bound = np.outer(np.abs(lines).max(axis=1, initial=0.0), SUMMED * np.abs(T).sum(axis=0))
     if not product[np.abs(product) <= bound].any():  # no entry can be rounding: those below the bound are exact zeros
         return product
-    return np.where(np.abs(product) > ROUNDED * (np.abs(lines) @ np.abs(T)), product, 0.0)
+    return np.where(np.abs(product) > SUMMED * (np.abs(lines) @ np.abs(T)), product, 0.0)
 
 
 def squared(x: Array) -> Array:

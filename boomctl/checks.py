@@ -21,8 +21,8 @@ from boomctl.printing import PART
 FASTEST = 1e60  # rad/s; the fourth power of larger frequencies may overflow.
 _LARGEST_WHOLE = 2**53  # whole numbers up to here are also numbers in double precision
 # Magnitudes of parameters; products and quotients of three of them do not overflow.
-_SMALLEST, _LARGEST = 1e-100, 1e100
-_MOST_JOBS = 1000  # parallel jobs: far more than cores, fewer than joblib allows
+SMALLEST, _LARGEST = 1e-100, 1e100
+MOST = 1000  # jobs, starts, eigenfrequencies, or samples of a delay: more are an error of the user
 _FEW = 7  # Digits of a limit in a message.
 _INNER = {"boomctl", "contextlib", "functools"}  # packages whose calls are not the user's
 _Kind = TypeVar("_Kind")
@@ -164,8 +164,8 @@ def positive(name: str, value: object) -> float:
     number = real(name, value)
     if number <= 0.0:
         raise ValueError(f"{name} = {value!r}: expected a number greater than zero")
-    if number < _SMALLEST:
-        raise ValueError(f"{name} = {value!r}: expected a number of at least {_SMALLEST:g}")
+    if number < SMALLEST:
+        raise ValueError(f"{name} = {value!r}: expected a number of at least {SMALLEST:g}")
     return number
 
 
@@ -255,10 +255,10 @@ def frequencies(name: str, value: ArrayLike) -> Array:
     omega = np.atleast_1d(finite_array(name, value))
     if omega.ndim != 1 or omega.size == 0:
         raise ValueError(f"{name}: expected one dimension and at least one frequency, got shape {omega.shape}")
-    wrong = omega[(omega != 0.0) & ~((omega >= _SMALLEST) & (omega <= FASTEST))]
+    wrong = omega[(omega != 0.0) & ~((omega >= SMALLEST) & (omega <= FASTEST))]
     if wrong.size:
         raise ValueError(
-            f"{name}: expected zeros or frequencies from {_SMALLEST:g} to {FASTEST:g} rad/s, got {wrong[0]}"
+            f"{name}: expected zeros or frequencies from {SMALLEST:g} to {FASTEST:g} rad/s, got {wrong[0]}"
         )
     return omega
 
@@ -309,8 +309,6 @@ def some_names(what: str, wanted: str | Sequence[str] | None, choices: Sequence[
 
 def job_count(value: Any) -> int:
     """Return a number of joblib's jobs: positive, or negative for all cores but some."""
-    if instance("n_jobs", value, int) == 0 or isinstance(value, bool) or abs(value) > _MOST_JOBS:
-        raise ValueError(
-            f"`n_jobs` must be a nonzero integer up to {_MOST_JOBS}, got {shown(value)}. Pass -1 for all cores."
-        )
+    if instance("n_jobs", value, int) == 0 or isinstance(value, bool) or abs(value) > MOST:
+        raise ValueError(f"`n_jobs` must be a nonzero integer up to {MOST}, got {shown(value)}. Pass -1 for all cores.")
     return value

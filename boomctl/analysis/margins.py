@@ -55,14 +55,12 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 _COSTLY = 10.0 ** (-3.0 / 20.0)  # Warn if sampling reduces the disk margin by more than 3 dB.
-_FAINTEST = 1e-9  # Smallest L = 1 - 1/S of a gain limit: limits above 1e9 or below 1e-9 are ignored.
 # Largest imaginary part of L, relative to its modulus, at a crossing located by its sign.  A resonance with a larger value is
 # so narrow that rounding of the frequency does not distinguish it from a pole on the axis.
 _REAL = 1e-3
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
-_TOUCHING = 1e-6  # Largest distance from one of a gain that touches one without crossing it.
 _ACTIVE = 24  # Number of frequencies, those of the largest singular values, at which the first scaling is optimized.
 _SWEEPS = 50  # Sweeps over rows and columns to balance them, as the initial value of an optimization.
 _SEARCHED = 30  # Largest number of signals for an optimized scaling: it takes tens of seconds. Beyond, only balanced.
@@ -554,9 +552,9 @@ def _loop_margin(signal: str, where: str, S: Lti, disk: DiskMargin, rounding: fl
     omega = np.append(0.0, _crossings(_axis_zeros(image, 1.0, 0.0), lambda omega: respond(omega).imag)[0])
     with np.errstate(divide="ignore", invalid="ignore"):
         L = 1.0 - 1.0 / respond(omega)
-        real = (np.abs(L.imag) < _REAL * np.abs(L)) & (L.real > _FAINTEST) & (L.real < 1.0 / _FAINTEST)
+        real = (np.abs(L.imag) < _REAL * np.abs(L)) & (L.real > ALIKE) & (L.real < 1.0 / ALIKE)
     gains = [*zip((1.0 / L.real[real]).tolist(), omega_of_image(omega[real], dt).tolist(), strict=True)]
-    if _FAINTEST < last < inf:
+    if ALIKE < last < inf:
         gains.append((1.0 / last, float(omega_of_image(inf, dt))))
     low = max((limit for limit in gains if limit[0] < 1.0), key=itemgetter(0), default=(0.0, nan))
     high = min((limit for limit in gains if limit[0] > 1.0), key=itemgetter(0), default=(inf, nan))
@@ -589,7 +587,7 @@ def _unit_crossings(S: Lti, respond: Callable[[Array], Array]) -> Array:
         return respond(omega).real - 0.5
 
     crossed, others = _crossings(_axis_zeros(S, -1.0, 2.0 * float(S.D[0, 0]) - 1.0), height)
-    touched = np.abs(height(others)) <= _TOUCHING * np.abs(respond(others)) ** 2 if len(others) else []
+    touched = np.abs(height(others)) <= LEVEL * np.abs(respond(others)) ** 2 if len(others) else []
     omega = np.append(crossed, others[touched])
     # With a gain of one at DC or at infinite frequency, crossings near it are due to rounding error.
     at_rest = abs(height(np.zeros(1))[0]) <= ALIKE

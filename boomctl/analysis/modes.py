@@ -21,7 +21,7 @@ import numpy as np
 from boomctl.analysis.sigma import matrices
 from boomctl.arrays import Array
 from boomctl.lti.modal import diagonalized, sides, transmission_zeros, without_integrators
-from boomctl.lti.rounding import TINY
+from boomctl.lti.rounding import DEPENDENT, TINY
 from boomctl.lti.system import Lti, of, rates_of
 from boomctl.printing import DataFrame, between, count, data_frame, table_html
 from boomctl.structure.model import SecondOrderModel
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from boomctl.structure.model import SecondOrderModel
 
 
-# Residue of an undamped mode, relative to the largest one between two signals, up to which it does not contribute.
-_HIDDEN = 1e-10
 _WIDE = 20  # Width of a pole z in a table, in characters.
 _CAPTION = "signal columns: modal peak in % of the highest mode, maximum over the other signals"
 
@@ -226,7 +224,7 @@ def mode_table(system: SecondOrderModel | control.StateSpace | control.TransferF
     residues = np.abs(modal.C[:, chosen]).T[:, :, None] * np.abs(modal.B[chosen])[:, None, :]
     poles, undamped = modal.poles[chosen], (sides(modal.poles, dt) == 0)[chosen, None, None]
     decay = np.abs(poles.real) if dt == 0.0 else np.abs(1.0 - np.abs(poles))
-    shown = residues > _HIDDEN * residues.max(axis=0, initial=TINY)
+    shown = residues > DEPENDENT * residues.max(axis=0, initial=TINY)
     peaks = np.where(undamped, np.where(shown, np.inf, 0.0), residues / np.where(undamped, 1.0, decay[:, None, None]))
     largest = np.where(undamped, 0.0, peaks).max(axis=0, initial=0.0)
     count = len(chain)  # Rigid-body modes are the first rows.
@@ -252,7 +250,7 @@ def _rigid(system: Lti) -> tuple[Array, Lti]:
     N = np.triu(parts.retained.A, 1)
     lengths = np.linalg.norm(system.C, axis=1)[:, None] * np.linalg.norm(system.B, axis=0)
     powers = [np.linalg.matrix_power(N, k) for k in range(len(N))]
-    shown = [np.abs(C @ power @ B) > _HIDDEN * np.linalg.norm(N) ** k * lengths for k, power in enumerate(powers)]
+    shown = [np.abs(C @ power @ B) > DEPENDENT * np.linalg.norm(N) ** k * lengths for k, power in enumerate(powers)]
     return np.array(shown), parts.rest
 
 

@@ -24,7 +24,7 @@ from scipy.linalg import blas, lapack
 
 from boomctl.analysis import sum_over_modes
 from boomctl.analysis.claim import Claim
-from boomctl.analysis.sum_over_modes import UNDERFLOW, Bounded
+from boomctl.analysis.sum_over_modes import Bounded
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
@@ -38,7 +38,19 @@ from boomctl.lti.frequency import (
     top_of_a_mode,
 )
 from boomctl.lti.modal import ModalSystem, continuous_image_of_modes, partial_fractions, sides
-from boomctl.lti.rounding import ALIKE, CANCELLED, CERTIFIED, DIGIT, EPS, EXACT_STATES, ITERATIONS, LEVEL, SUMMED, TINY
+from boomctl.lti.rounding import (
+    ALIKE,
+    CANCELLED,
+    CERTIFIED,
+    DIGIT,
+    EPS,
+    EXACT_STATES,
+    ITERATIONS,
+    LEVEL,
+    SUMMED,
+    TINY,
+    UNDERFLOW,
+)
 from boomctl.lti.system import ClosedLoop, Lti, System, rates_of
 from boomctl.printing import between
 

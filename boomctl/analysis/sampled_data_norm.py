@@ -27,6 +27,7 @@ from boomctl.checks import names
 from boomctl.lti.frequency import BEYOND, SEARCHED, highest_peak, resonance_grid
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
+from boomctl.lti.rounding import ALIKE, LEVEL
 from boomctl.lti.sampled import Held, time_of_loop, whole_samples
 from boomctl.lti.system import Lti, controller_of, lower_lft, of, signal_scales
 from boomctl.threads import one_blas_thread
@@ -43,14 +44,11 @@ NOT_STABLE = "a pole on or outside the unit circle"  # Infinite.
 _SMALL = 0.5  # Norm of the Hamiltonian matrix times the first step.
 _SHORT = 0.25  # Largest gain within the first step, relative to the level.
 _DOUBLINGS = 60  # Largest number of doublings of the first step; more indicate an error of units.
-# Poles below this fraction of half the sampling rate do not define the search range: they are integrators.
-_SLOWEST = 1e-9
 _LOWEST = 0.1  # The search begins at this fraction of half the sampling rate, or below if a pole is slower.
 _ABOVE = 4e-6  # Relative distance of the level from the gain reached: below CERTIFIED.
 # Further distances if the gain is reached only with more parts; such bounds are not verified.
 _FAR_ABOVE = (3e-5, 1e-4, 1e-3)
 _MOVES = 4  # Largest number of frequencies at which a peak of the level's loop is followed.
-_CONVERGED = 1e-6  # The number of parts is increased until the gain changes by less, relative.
 _PARTS = (4, 16, 64, 192)  # Numbers of parts of a sample: the error falls with their fourth power.
 
 
@@ -279,7 +277,7 @@ class SampledLoop:
         """Return the norm between the largest gain that is reached and a level just above it that is not."""
         loop = self.at_samples
         rates, top = loop.rates, loop.nyquist
-        rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > _SLOWEST * top)]
+        rates = rates[(np.abs(rates) <= top) & (np.abs(rates) > ALIKE * top)]
         low = min(np.abs(rates).min(initial=top), _LOWEST * top) / BEYOND
         grid = resonance_grid(rates[rates.imag > 0.0], low, top, points=SEARCHED, also=[0.0])
         lower, omega, lifted = 0.0, 0.0, cache(self.lifted)
@@ -340,7 +338,7 @@ def _reached(lifted: Callable[[int], tuple[Lti, Array]], omega: float) -> float:
     gain = 0.0
     for parts in _PARTS:
         before, gain = gain, max(gain, float(_gain(*lifted(parts), np.array([omega]))[0]))
-        if gain <= before * (1.0 + _CONVERGED):
+        if gain <= before * (1.0 + LEVEL):
             break
     return gain
 

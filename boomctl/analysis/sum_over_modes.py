@@ -14,7 +14,7 @@ from scipy.linalg import blas, lapack
 from boomctl.arrays import Array, squared
 from boomctl.lti.frequency import singular_values
 from boomctl.lti.modal import ModalSystem
-from boomctl.lti.rounding import CANCELLED, EPS
+from boomctl.lti.rounding import CANCELLED, EPS, UNDERFLOW
 from boomctl.lti.system import System
 
 _INVERSE = 0.1  # Largest distance from the identity of the eigenvectors times their inverse; no bound beyond it.
@@ -32,7 +32,6 @@ _EVALUATED = 16  # Rounding errors of a term of the sum, in addition to one for 
 _CELLS, _CELLS_OF_MODE = 400, 10  # Largest number of cells, and per mode: with more, another proof is as fast.
 # Largest number of entries of the response per mode: with more, another proof is faster.
 _ENTRIES = 6
-UNDERFLOW = 1e-150  # Numbers below it have squares that underflow.
 
 
 @dataclass(frozen=True)

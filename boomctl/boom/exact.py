@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.boom.model import ACTUATORS, boom_assembly, boom_mirror
 from boomctl.boom.parameters import BoomParameters
-from boomctl.checks import frequencies, instance, known, some_names, truth, whole
+from boomctl.checks import MOST, frequencies, instance, known, some_names, truth, whole
 from boomctl.structure.beams.eigenvalues import damped_eigenvalues, undamped_frequencies
 from boomctl.structure.beams.elements import FiniteElements
 from boomctl.structure.beams.exact import ExactModel
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import control
 
 _START_ORDER = 12  # Polynomial order of the elements that start Newton's method; their error is far below 1e-3.
-_MOST = 1000  # Limit on the number of eigenfrequencies; the last of them is far beyond the range of slender beams.
 
 
 @lru_cache(maxsize=16)
@@ -141,7 +140,7 @@ def exact_eigenfrequencies_hz(parameters: BoomParameters, count: int = 5, damped
     array([0.244, 0.586, 0.933])
     """
     instance("parameters", parameters, BoomParameters)
-    wanted = whole("count", count, most=_MOST)
+    wanted = whole("count", count, most=MOST)
     model = exact_boom(parameters)
     if not truth("damped", damped):
         return undamped_frequencies(model, wanted) / (2.0 * np.pi)

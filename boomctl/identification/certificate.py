@@ -9,13 +9,12 @@ from scipy import special
 from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
 from boomctl.identification.identifiability import STEP, IdentifiedSubspace
-from boomctl.lti.rounding import ROOT
+from boomctl.lti.rounding import LEVEL, ROOT
 from boomctl.printing import count, sentence
 
 _STEP = 0.1  # standard errors between the values of the sum of squares that are compared
 _MAX_STEP = 1.0  # Largest step of a coordinate (a factor of e), along weakly identifiable combinations.
 _MAX_OFFSET = 0.05  # standard errors from the minimum of the parabola: intervals change by less than 1 %
-_MAX_DECREASE = 1e-6  # relative decrease of the sum of squares that is rounding error
 _UNIDENTIFIABLE_STEP = 0.01  # coordinate step along combinations that are not identifiable
 _SIGNIFICANCE = 0.01  # p-value below which residuals are larger than the errors
 _MAX_CHI_SQUARE = 2.0  # reduced chi-square with deviations that are estimates: half of it is model error
@@ -156,7 +155,7 @@ def minimum(
         step = min(max(_STEP * size / value, STEP), _MAX_STEP) if value > 0.0 else _UNIDENTIFIABLE_STEP
         before, after = cost(x - step * direction), cost(x + step * direction)
         if value == 0.0:
-            rises &= min(before, after) >= here * (1.0 - _MAX_DECREASE)
+            rises &= min(before, after) >= here * (1.0 - LEVEL)
             continue
         curvature = before + after - 2.0 * here
         if not np.isfinite(curvature) or curvature <= 0.0:

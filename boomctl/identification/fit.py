@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from boomctl.arrays import Array
-from boomctl.checks import positive, whole
+from boomctl.checks import MOST, positive, whole
 from boomctl.exceptions import AccuracyWarning
 from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
 from boomctl.identification.free import FreeParameters, function_of_parameters
@@ -17,7 +17,7 @@ from boomctl.identification.identifiability import STEP, IdentifiedSubspace, dif
 from boomctl.identification.intervals import Spread, confident, limits, of_residuals, of_sets
 from boomctl.identification.measured import BOUNDED, Measured, answered
 from boomctl.identification.result import FitResult
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, LEVEL
 from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family
 from boomctl.threads import one_blas_thread
@@ -33,11 +33,9 @@ if TYPE_CHECKING:
 
 _SOLVER = {"xtol": 1e-12, "ftol": 1e-12, "gtol": 1e-15, "max_nfev": 100}  # of least squares: to rounding
 _SAME_FIT = 0.05  # of the squared size of errors by which sums of squares of the same fit differ
-_EXACT = 1e-6  # relative size of residuals that counts as none, for data without errors
 _UNCHANGED = 1e-5  # relative change of the measured values that counts as none
 _MIN_RISE = 0.25  # of the rise of the sum of squares that the linear model predicts at the end of an interval
 _MIN_DEVIATION = 1e-2  # of that for independent errors: a few data sets may agree by chance
-_MAX_STARTS = 1000
 
 
 @dataclass(frozen=True)
@@ -177,7 +175,7 @@ def fit(
     measured = Measured.of(data, modes, weights, error_model, inputs, outputs)
     known_size = None if error_std is None else positive("error_std", error_std)
     confidence_level = confident("confidence_level", confidence_level)
-    count = whole("n_starts", n_starts, most=_MAX_STARTS)
+    count = whole("n_starts", n_starts, most=MOST)
     whole("seed", seed, least=0)
     free_parameters = FreeParameters.of(model, free, initial)
     problem, names = _Problem(make, measured, free_parameters), free_parameters.names
@@ -220,11 +218,11 @@ def fit(
     floors = _MIN_DEVIATION * size * np.sqrt(np.diag(identified.covariance()))
     half = limits(confidence_level, np.maximum(spread.dof, 1.0)) * np.maximum(np.sqrt(np.diag(coordinates)), floors)
     low, high = _intervals(problem, cost, x, identified, half)
-    same = cost + max(_SAME_FIT * size**2, measured.size * (_EXACT * measured.scale) ** 2)
+    same = cost + max(_SAME_FIT * size**2, measured.size * (LEVEL * measured.scale) ** 2)
     rivals, agreeing = [], 0  # rivals fit about as well, with a parameter outside its interval
     for other, at, _ in candidates:
         values = free_parameters.values(at)
-        slack = _EXACT * np.abs(values)
+        slack = LEVEL * np.abs(values)
         outside = bool(((values < low - slack) | (values > high + slack)).any())
         if outside and other < cost + (limit * size) ** 2:
             rivals.append(named(values))

@@ -8,6 +8,7 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.free import FreeParameters
+from boomctl.lti.rounding import DEPENDENT
 
 STEP = 1e-5  # coordinate step of differences: truncation errors fall with it, rounding errors rise
 # Step sizes; the derivative at the step that agrees best with the next one is used.
@@ -17,7 +18,6 @@ _MIN_STEP_FRACTION = 0.1  # of a step that has to remain at the end of a range
 _MAX_SLOPE_ERROR = 1e-2  # relative error of a slope, at most: columns that differ by more are not zero
 _ERROR_FACTOR = 10.0  # Singular values below this multiple of the error of the Jacobian are tested by differences.
 _TESTED_FACTOR = 3.0  # Derivative over its error above which a combination counts as identifiable.
-_ROUNDING = 1e-10  # relative singular value that is rounding error for any step
 _MIN_COMPONENT = 1e-3  # component of a unit vector from which a parameter belongs to a combination
 _MIN_TEXT_COMPONENT = 0.02  # relative component from which a parameter is named in the text
 _CHANGES = np.log([2.0, 1.1, 1.01, 1.001])  # coordinate changes for the text; the first that holds is used
@@ -128,7 +128,7 @@ class IdentifiedSubspace:
         size[size == 0.0] = 1.0
         error, p = np.minimum(error, _MAX_SLOPE_ERROR * size), len(size)
         values, rows = _svd(matrix / size)
-        least = max(_ERROR_FACTOR * float(np.linalg.norm(error / size)), _ROUNDING * values[0])
+        least = max(_ERROR_FACTOR * float(np.linalg.norm(error / size)), DEPENDENT * values[0])
         hidden, anywhere, resolved = [], replace(free, low=np.full(p, -np.inf), high=np.full(p, np.inf)), 0.0
         for row in rows[values <= least] / size:
             direction = row / np.linalg.norm(row)
@@ -136,7 +136,7 @@ class IdentifiedSubspace:
             smallest = min((float(np.linalg.norm(item)) for item in quotients if np.isfinite(item).all()), default=0.0)
             if (
                 smallest
-                > _TESTED_FACTOR * float(np.linalg.norm(error * direction)) + _ROUNDING * values[0] * size.max()
+                > _TESTED_FACTOR * float(np.linalg.norm(error * direction)) + DEPENDENT * values[0] * size.max()
             ):
                 resolved = min(resolved or smallest, smallest)
             else:

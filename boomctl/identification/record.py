@@ -9,6 +9,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.checks import finite_array, known, positive, shown, signal_name, span
+from boomctl.lti.rounding import LEVEL
 from boomctl.printing import compact
 
 QUANTITIES = {"displacement": 0, "velocity": 1, "acceleration": 2}
@@ -29,7 +30,6 @@ _SHORT = 16  # Most samples of impacts, as above.
 _FRONT = 4  # Samples at rest that are put in front of it, as above.
 _MEAN = 8  # samples, least, of a mean before the impact
 _AT_REST = 0.3  # deviations of an output, below which it is at rest
-_WHOLE = 1e-6  # of a sample, by which a period may miss a whole number of them: rounding of the user's
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Record:
     def cut(self, period: Any) -> tuple[int, int]:
         """Return the samples of a period [s], and how many whole periods the shortest record has."""
         samples = positive("period", period) / self.step
-        if abs(samples - round(samples)) > _WHOLE * samples or round(samples) < 2:
+        if abs(samples - round(samples)) > LEVEL * samples or round(samples) < 2:
             raise ValueError(f"period = {period!r}: expected a whole number of samples at {self.step:g} s")
         count = min(len(u) for u in self.u) // round(samples)
         if count < 2:
@@ -126,7 +126,7 @@ def band(frequency_range_hz: Any, top: float) -> tuple[float, float]:
     if frequency_range_hz is None:
         return 0.0, top
     low, high = span("frequency_range_hz", frequency_range_hz)
-    if high > top * (1.0 + _WHOLE):
+    if high > top * (1.0 + LEVEL):
         raise ValueError(
             f"frequency_range_hz = {shown(frequency_range_hz)}: expected at most {top:g} Hz, the highest that was measured"
         )

@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array, squared
 from boomctl.lti.modal import UNDAMPED, ModalSystem
-from boomctl.lti.rounding import CERTIFIED, EPS, ITERATIONS, ROOT, SOLVED
+from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, ITERATIONS, ROOT, SOLVED
 from boomctl.lti.system import SLOWEST
 
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
@@ -38,7 +38,6 @@ MODES = 8  # Number of modes shown in a plot by default.
 # Limits of the plotted range, as multiples of the lowest and the highest of these frequencies: both sides of a peak.
 BELOW, ABOVE = 0.25, 1.5
 BEYOND = 100.0  # Range in which a loop is evaluated: this factor below the slowest pole and above the fastest.
-_RESTING = 1e-9  # Poles below this fraction of the fastest do not extend the plotted range.
 # Lower limit of a plot without poles, as a fraction of half the sampling rate.
 _LOWEST_SHOWN = 0.1
 EMPTY = (0.1, 100.0)  # Plotted range of a system without dynamics [rad/s].
@@ -314,7 +313,7 @@ class Resonances:
         In discrete time, of poles as rates, in a band up to half the sampling rate.
         """
         rates = rates[np.isfinite(rates)]
-        size = np.sort(np.abs(rates[np.abs(rates) > _RESTING * np.abs(rates).max(initial=0.0)]))
+        size = np.sort(np.abs(rates[np.abs(rates) > ALIKE * np.abs(rates).max(initial=0.0)]))
         low, top = (BELOW * size[0], ABOVE * size[min(len(size), 2 * MODES) - 1]) if len(size) else EMPTY
         top = top if high is None else high
         poles = rates[(rates.imag >= 0.0) & (np.abs(rates) <= top)]

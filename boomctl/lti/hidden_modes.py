@@ -13,11 +13,10 @@ from scipy import linalg
 
 from boomctl.arrays import Array, balance
 from boomctl.lti.modal import side_of_axis, sides
-from boomctl.lti.rounding import DIGIT, EPS, SUMMED, TINY
+from boomctl.lti.rounding import ALIKE, DIGIT, EPS, SUMMED, TINY
 from boomctl.lti.system import SLOWEST, rates_of
 
 _FARTHEST = 1e-6  # Limit on the error bound of a pole, relative to the norm of the matrix, for ill-conditioned poles.
-_WEAK = 1e-9  # Cosine between a mode and the columns of B up to which it is uncontrollable; above rounding error.
 # Fraction of the largest singular value below which eigenvectors of a cluster add no direction.
 _PARALLEL = 1e-6
 # Coupling within a cluster up to this multiple of the error bound of its poles counts as rounding error.
@@ -90,9 +89,9 @@ def unmoved(
         # Coupling within the cluster, as of a velocity to a position.
         passed = basis.conj().T @ balanced @ basis - pole * np.eye(basis.shape[1])
         rounding = _PASSED * (2.0 * error_bound[cluster].max() + SUMMED * abs(pole))
-        passed *= _WEAK / max(rounding, TINY)
+        passed *= ALIKE / max(rounding, TINY)
         directions, cosines, _ = linalg.svd(np.hstack([basis.conj().T @ acting, passed]))
-        for k in np.flatnonzero(cosines <= _WEAK):
+        for k in np.flatnonzero(cosines <= ALIKE):
             shape = basis @ directions[:, k]
             if dt != 0.0:
                 pole = complex(rates_of(np.array([pole if abs(pole) > EPS else EPS]), dt)[0])

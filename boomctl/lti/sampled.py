@@ -13,9 +13,9 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import exactly, names, nonnegative, positive
+from boomctl.checks import MOST, exactly, names, nonnegative, positive
 from boomctl.lti.hold import changing, zero_order_hold
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, LEVEL
 from boomctl.lti.system import Lti, of
 from boomctl.threads import one_blas_thread
 
@@ -24,13 +24,10 @@ if TYPE_CHECKING:
 
     from boomctl.structure.model import SecondOrderModel
 
-_SAME = 1e-6  # Relative difference up to which two sampling times, entered by a user, are equal.
-_MOST_SAMPLES = 1000  # Limit on a delay [samples], each of which is a state for each control; detects wrong units.
-
 
 def same_time(own: float, wanted: float) -> bool:
     """Return whether two sampling times [s] are equal; an unspecified one equals any."""
-    return not abs(own - wanted) > _SAME * wanted
+    return not abs(own - wanted) > LEVEL * wanted
 
 
 def whole_samples(delay: float, dt: float) -> tuple[int, float]:
@@ -121,8 +118,8 @@ def sample_plant(
 
 
 def _check_samples(late: float, dt: float) -> None:
-    if late > _MOST_SAMPLES * dt:
-        raise ValueError(f"delay = {exactly(late)}: expected at most {_MOST_SAMPLES} samples of {exactly(dt)} s")
+    if late > MOST * dt:
+        raise ValueError(f"delay = {exactly(late)}: expected at most {MOST} samples of {exactly(dt)} s")
 
 
 @dataclass(frozen=True)

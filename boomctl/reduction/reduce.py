@@ -17,10 +17,10 @@ from boomctl.analysis.norm import NO_RESPONSE, NormBounds
 from boomctl.checks import known, positive, span, up_to, warn_user, whole
 from boomctl.exceptions import LowerOrderWarning, ReductionError
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
+from boomctl.lti.rounding import DEPENDENT, LEVEL
 from boomctl.lti.system import Lti, of
 from boomctl.progress import Listener, computing, tell
 from boomctl.reduction.reducers import (
-    MINIMAL,
     ModalTruncation,
     StateReducer,
     StrongestModes,
@@ -46,7 +46,6 @@ METHODS = {
 _WITHOUT_RANGE = ("hankel", "modal")  # Methods that accept no frequency range.
 UNREDUCED = "the system itself"  # Stage of a result that is not reduced: its error is zero.
 _NO_ERROR = NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True)
-_NYQUIST = 1e-6  # Relative distance of a range below half the sampling rate, whose image is at infinity.
 
 
 @one_blas_thread
@@ -143,7 +142,7 @@ def reduce(
         reason = (
             "complex pairs are not split"
             if method == "modal"
-            else f"all others have Hankel singular values below {MINIMAL:g} of the largest, which is rounding"
+            else f"all others have Hankel singular values below {DEPENDENT:g} of the largest, which is rounding"
         )
         warn_user(f"order = {order}: {states} states returned; {reason}", LowerOrderWarning)
     if isinstance(smaller, Lti):
@@ -199,7 +198,7 @@ def _band_of_image(system: Lti, band: Band) -> Band:
         raise ValueError(
             f"`omega_range` must end at or below half the sampling rate, {up_to(system.nyquist)} rad/s, got {band[1]:g}."
         )
-    low, high = image_of_omega(np.minimum(band, system.nyquist * (1.0 - _NYQUIST)), system.dt)
+    low, high = image_of_omega(np.minimum(band, system.nyquist * (1.0 - LEVEL)), system.dt)
     return float(low), float(high)
 
 

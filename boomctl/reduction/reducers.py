@@ -18,7 +18,7 @@ from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image
 from boomctl.lti.gramians import band_integral, refined_gramian, square_root
 from boomctl.lti.modal import ModalSystem, diagonalized, residualised, spectral_parts
-from boomctl.lti.rounding import ALIKE, ROOT, SUMMED
+from boomctl.lti.rounding import ALIKE, DEPENDENT, LEVEL, ROOT, SUMMED
 from boomctl.lti.system import Lti, parallel
 from boomctl.reduction.verify import GRAMIANS, Band, SystemParts, Verified, verified
 from boomctl.structure.model import SecondOrderModel
@@ -26,12 +26,7 @@ from boomctl.structure.ports import evaluate
 from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.realization import realize
 
-# Fraction of the largest Hankel singular value up to which a state adds only rounding error.  With a tenth of it, reduced
-# systems of a ladder of 100 states are not all stable.
-MINIMAL = 1e-10
-_UNREACHED = 1e-6  # Largest relative part of inputs and outputs without response in a range.
 _CENTER = 0.01  # Least lower limit of a range, relative to its upper limit, in its geometric mean.
-_SAME = 1e-6  # Relative difference up to which Markov parameters are equal, also of a double integrator.
 _MOMENTS = 4  # Number of compared Markov parameters; sufficient for the few retained states.
 
 
@@ -76,7 +71,8 @@ def balance(system: Lti, modal: ModalSystem | None, retained: int = 0) -> Balanc
         Q = modal.real_form(-(modal.C.conj().T @ modal.C) / sums.conj())
     F, H = square_root(P), square_root(Q)
     U, values, Vt = linalg.svd(H.T @ F, full_matrices=False)
-    count = int((values > MINIMAL * values.max(initial=0.0)).sum())
+    # with a tenth of it, reduced systems of a ladder of 100 states are not all stable
+    count = int((values > DEPENDENT * values.max(initial=0.0)).sum())
     root = np.sqrt(values[:count])
     right, left = F @ Vt[:count].T / root, H @ U[:, :count] / root
     form = Lti(left.T @ system.A @ right, left.T @ system.B, system.C @ right, system.D)
@@ -336,7 +332,7 @@ def _same(one: Lti, other: Lti) -> bool:
     for k in range(_MOMENTS):
         a, b = (system.C @ np.linalg.matrix_power(system.A, k) @ system.B for system in (one, other))
         size = [np.linalg.norm(s.C) * np.linalg.norm(s.A) ** k * np.linalg.norm(s.B) for s in (one, other)]
-        if np.abs(a - b).max(initial=0.0) > _SAME * max(np.abs(a).max(initial=0.0), ALIKE * max(size)):
+        if np.abs(a - b).max(initial=0.0) > LEVEL * max(np.abs(a).max(initial=0.0), ALIKE * max(size)):
             return False
     return True
 
@@ -358,7 +354,7 @@ def weighted(system: Lti, modal: ModalSystem | None, band: Band) -> tuple[Lti, M
     C = _absolute(S.T @ system.C.T @ system.C).T
     T, R = np.linalg.lstsq(B, system.B, rcond=None)[0], np.linalg.lstsq(C.T, system.C.T, rcond=None)[0].T
     lost = np.abs(B @ T - system.B).max(initial=0.0), np.abs(R @ C - system.C).max(initial=0.0)
-    if lost[0] > _UNREACHED * np.abs(system.B).max() or lost[1] > _UNREACHED * np.abs(system.C).max():
+    if lost[0] > LEVEL * np.abs(system.B).max() or lost[1] > LEVEL * np.abs(system.C).max():
         raise ValueError(
             f"`omega_range` must be closer to the poles of the system, got {band} rad/s: some inputs or outputs have almost "
             "no response there."

@@ -22,7 +22,7 @@ from boomctl.exceptions import ReductionError
 from boomctl.lti.bilinear import continuous_image, discrete_image, image_of_omega, omega_of_image
 from boomctl.lti.frequency import largest_gain, largest_of, singular_values
 from boomctl.lti.modal import ModalSystem, diagonalized, partial_fractions, side_of_axis, spectral_parts
-from boomctl.lti.rounding import DIGIT, EXACT_STATES
+from boomctl.lti.rounding import DIGIT, EXACT_STATES, ROOT
 from boomctl.lti.system import Lti, parallel
 
 Band = tuple[float, float]
@@ -35,9 +35,6 @@ _SLACK = 1e-3  # Fraction by which an error may exceed its a priori bound, for r
 # Fraction of the largest response below which an error may exceed its bound: Hankel singular values are products of factors
 # of Gramians, which are accurate to the square root of rounding.
 GRAMIANS = float(np.sqrt(DIGIT))
-_LOST = (
-    1e-7  # Largest error of modal coordinates, relative to the largest response; otherwise the original ones are used.
-)
 
 
 @dataclass(frozen=True)
@@ -90,7 +87,7 @@ class SystemParts:
         rounding += _gap(response, mapped)
         modal = diagonalized(image)
         lost = inf if modal is None else _gap(mapped, modal.response(omega))
-        if modal is None or not lost <= _LOST * largest:
+        if modal is None or not lost <= ROOT * largest:
             return cls(original, image, None, parts.retained, largest, omega, rounding)
         largest = max(largest, float(modal.sizes.max()))  # Modes that cancel are larger than the response.
         return cls(original, modal.blocks, modal, parts.retained, largest, omega, rounding + lost)

@@ -14,10 +14,9 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, ITERATIONS, SUMMED
 from boomctl.slew.end_map import CHORDS, MOST_STEPS, STEP_FRACTION, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
-from boomctl.slew.problem import Limits, SlewProblem
+from boomctl.slew.problem import RTOL, Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
-_STATIONARY = 1e-6  # change of the torques over their limit at convergence: it changes the effort by its square
 _CLOSED = 1e-3  # residual of the scaled terminal conditions at which they end, as a fraction of the tolerance
 
 
@@ -109,7 +108,7 @@ class _Mesh:
             if size > before:
                 return None
             u = result.torques
-            if size * (size / before if before < np.inf else 1.0) <= _STATIONARY:  # predicted next change
+            if size * (size / before if before < np.inf else 1.0) <= RTOL:  # predicted next change
                 return local, result, met
         return None
 

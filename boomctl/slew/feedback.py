@@ -12,6 +12,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
 from boomctl.arrays import Array
+from boomctl.lti.rounding import SUMMED
 from boomctl.lti.sampled import sampled_plant
 from boomctl.lti.system import Lti, lower_lft
 from boomctl.simulation.machine.exponential_step import exponential_step
@@ -20,8 +21,6 @@ from boomctl.simulation.time_varying import TimeVaryingController
 
 if TYPE_CHECKING:
     from boomctl.lti.machine_modes import MachineModes
-
-_SMALL = 1e-12  # smallest span by which deviations are divided: keeps quotients finite
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +89,7 @@ def weights(along: Along, rows: Array, states: Array) -> Array:
     half, total = states.shape[1] // 2, np.zeros((along.moved.sum(),) * 2)
     for row in rows:
         for item in (row, np.concatenate([np.zeros(half), row[:half]])):
-            size = max(float(np.ptp(states @ item)), _SMALL)
+            size = max(float(np.ptp(states @ item)), SUMMED)
             total += np.outer(item[along.moved], item[along.moved]) / size**2
     return total
 

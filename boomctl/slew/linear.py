@@ -7,11 +7,10 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.hold import observability, recursion, zero_order_hold
-from boomctl.lti.rounding import ITERATIONS, SOLVED
+from boomctl.lti.rounding import ITERATIONS, SOLVED, SUMMED
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
-_REGULAR = 1e-12  # regularization of a Gram matrix of unit rows, if few intervals are inside the limit
 _ARMIJO = 1e-4  # accept a Newton step if the decrease is at least this fraction of the predicted one
 _NEARER = 0.5  # accept a full Newton step without line search if it reduces the residual by this factor
 _SHORTEST = 1e-6  # smallest damping factor of a Newton step; below it the torque limit is too low for the time
@@ -110,7 +109,7 @@ def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None
         if residual <= SOLVED:  # relative residual at rounding level
             break
         inner = rows[:, np.abs(u) < limit]
-        move = np.linalg.lstsq(inner @ inner.T + _REGULAR * np.eye(c.size), defect, rcond=1e-14)[0]
+        move = np.linalg.lstsq(inner @ inner.T + SUMMED * np.eye(c.size), defect, rcond=1e-14)[0]
         whole = missing(c + move)
         if whole[2] > _NEARER * residual:  # insufficient decrease by the full step: line search on the dual
             size, before = 1.0, dual(c)

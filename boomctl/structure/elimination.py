@@ -10,9 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from boomctl.arrays import ROUNDED, Array, combined
-
-DEPENDENT = 1e-10  # Pivot or remaining norm, relative to the largest or original one, below which it is dependent.
+from boomctl.arrays import SUMMED, Array, combined
+from boomctl.lti.rounding import DEPENDENT
 
 
 @dataclass(frozen=True)
@@ -67,7 +66,7 @@ def eliminate(J: Array, names: Sequence[str], weights: Array | None = None) -> E
 
 def _without_rounding(matrix: Array) -> Array:
     """Return a matrix of entries of similar magnitude with zeros for those below rounding of the largest one."""
-    return np.where(np.abs(matrix) > ROUNDED * np.abs(matrix).max(initial=0.0), matrix, 0.0)
+    return np.where(np.abs(matrix) > SUMMED * np.abs(matrix).max(initial=0.0), matrix, 0.0)
 
 
 def _check_rank(block: Array, norms: Array, names: Sequence[str]) -> None:

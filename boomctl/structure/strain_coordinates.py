@@ -15,14 +15,13 @@ from scipy import linalg
 from scipy.linalg import blas, lapack
 
 from boomctl.arrays import Array, blocks, combined
-from boomctl.lti.rounding import CANCELLED, EPS, SUMMED
+from boomctl.lti.rounding import CANCELLED, EPS, SUMMED, UNDERFLOW
 from boomctl.structure.layout import Layout, Weights
 from boomctl.structure.ports import Ports
 
 # Smallest singular value of rows of size one below which coordinates are equilibrated and the rank is determined; short
 # elements next to long ones also cause small singular values.  Their squares, of a Gram matrix, are still far above rounding.
 _CLEAR = 1e-4
-_LARGEST = 1e150  # Entry of damper rows above which their products overflow, of springs next to nothing.
 _EVENED = 30  # Iterations of equilibration; each takes the square root of the imbalance.
 
 
@@ -214,7 +213,7 @@ def strain_form(layout: Layout, weights: Weights) -> StrainForm | None:
             V[:, :r] -= V[:, r:] @ ((inertia @ V[:, r:]).T @ (inertia @ V[:, :r]))
     loss, damped = (weights.c[elastic] / weights.k[elastic])[order], combined(dampers, V)
     damped[:, n - free :] = 0.0
-    if np.abs(damped).max(initial=0.0) > _LARGEST:
+    if np.abs(damped).max(initial=0.0) > 1.0 / UNDERFLOW:
         return None
     forces = np.zeros_like(layout.R)
     forces[elastic.nonzero()[0][order]] = root[order] * Q

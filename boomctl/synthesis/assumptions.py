@@ -8,10 +8,9 @@ from scipy import linalg
 from boomctl.arrays import Array
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.hidden_modes import unmoved
-from boomctl.lti.rounding import SOLVED
+from boomctl.lti.rounding import DEPENDENT, SOLVED
 from boomctl.synthesis.plants.partition import GeneralizedPlant, NormalizedPlant, normalized
 
-_RANK_RTOL = 1e-10  # Least singular value of D12 or D21 with unit columns; its inverse must have six digits.
 _NAMED_FRACTION = 1e-3  # Least part in a dependent combination for which a signal is named.
 
 
@@ -56,7 +55,7 @@ def _dependent(columns: Array, names: tuple[str, ...], what: str) -> list[str]:
     if zero:
         return zero[:1]
     _, values, right = linalg.svd(columns / sizes)
-    if len(columns) >= len(names) and values[-1] > _RANK_RTOL:
+    if len(columns) >= len(names) and values[-1] > DEPENDENT:
         return []
     weight = np.abs(right[-1])
     parts = [repr(name) for name, part in zip(names, weight, strict=True) if part > _NAMED_FRACTION * weight.max()]

@@ -7,6 +7,7 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.checks import exactly, known, positive, up_to
 from boomctl.lti.bilinear import discretized
+from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import controller_of
 from boomctl.threads import one_blas_thread
 
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from boomctl.lti.system import Controller
 
 _METHODS = ("tustin", "zoh")
-_CORNER_RTOL = 1e-6  # Relative distance of a pole from 2/T at which the rule loses ten digits.
 
 
 @one_blas_thread
@@ -98,7 +98,7 @@ def _check_poles(poles: Array, T: float, samples: float, corner: float) -> None:
             f" at {fastest:.4g} rad/s), got {exactly(T)} s. Sample faster, or remove faster poles by"
             f" reduce_controller(P, K, fastest_pole={2.0 * np.pi / (samples * T):.4g})."
         )
-    for pole in poles[np.abs(poles / corner - 1.0) <= _CORNER_RTOL]:
+    for pole in poles[np.abs(poles / corner - 1.0) <= LEVEL]:
         raise ValueError(
             f"`sample_time` must not put the controller's unstable pole at {pole:.4g} rad/s on 2/sample_time, where Tustin's"
             ' rule is singular. Sample faster, or use method "zoh".'

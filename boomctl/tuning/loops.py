@@ -8,10 +8,8 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import block_diagonal
-from boomctl.lti.rounding import ROOT, TINY
+from boomctl.lti.rounding import DEPENDENT, ROOT, TINY
 from boomctl.synthesis.plants.partition import GeneralizedPlant
-
-_ILL_POSED = 1e-10  # smallest singular value of I - K D22 up to which a loop is not well-posed
 
 
 @dataclass(eq=False)
@@ -142,7 +140,7 @@ def close(plant: ScaledPlant, K: Array) -> Closed | None:
     gain, before, after, around, inverse = K, M12, M21, through, np.eye(len(K))
     if through.any():
         left = np.eye(len(K)) - K @ through
-        if linalg.svdvals(left)[-1] <= _ILL_POSED:
+        if linalg.svdvals(left)[-1] <= DEPENDENT:
             return None
         inverse = np.linalg.inv(left)
         gain = inverse @ K

@@ -14,12 +14,12 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
+from boomctl.checks import SMALLEST
 from boomctl.lti.rounding import ALIKE
 from boomctl.tuning.loops import Closed, ScaledPlant, close
 from boomctl.tuning.problem import CONTROLLER, DAMPING, DECAY, EDGE, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import BELOW, Passage, Response, same_frequency
 
-_TINY = 1e-100  # norm in place of zero, with a finite logarithm
 # relative distance within which a peak represents another frequency: their second derivatives are nearly equal
 PEAK_RTOL = 1e-3  # with 1e-6 the search needs twice the steps
 _MIXED = (1.0, -1.0, 1j, -1j)  # phases of combinations of two singular vectors with nearly equal values
@@ -201,14 +201,14 @@ class Point:
 
     def _bound(self, kind: int, poles: Array) -> tuple[Array, Array]:
         """Return the values of a bound on poles, and ``w``: for a change ``d`` of a pole they change by ``Re(w* d)``."""
-        ports, size, limit = self.problem.ports, np.maximum(np.abs(poles), _TINY), self._limits[kind]
+        ports, size, limit = self.problem.ports, np.maximum(np.abs(poles), SMALLEST), self._limits[kind]
         if kind == FASTEST_POLE:
             return size / limit - 1.0, poles / size / limit
         if kind == DAMPING:
             return poles.real / size + limit, 1.0 / size - poles.real * poles / size**3
         if kind == DECAY:
             return (poles.real + limit) / ports.rate, np.full(len(poles), 1.0 / ports.rate)
-        distances = np.maximum(self._distances(poles), _TINY)
+        distances = np.maximum(self._distances(poles), SMALLEST)
         return np.log(limit / distances), poles / size / (size + ports.slowest) - 1.0 / poles.real
 
     def _of_kind(self, model: int, kind: int) -> list[Height]:
@@ -251,7 +251,7 @@ class Point:
 
     def _scaled(self, channel: int, value: float) -> float:
         """Return the logarithm of a norm, over its limit."""
-        return log(max(value, _TINY)) - self.problem.offset(channel)
+        return log(max(value, SMALLEST)) - self.problem.offset(channel)
 
     def _peak(self, pair: tuple[int, int]) -> Height:
         """Return the highest peak of a channel."""
@@ -339,7 +339,7 @@ class Point:
     def _near(self, pair: tuple[int, int], window: float) -> tuple[list[float], list[float]]:
         """Return frequencies and values of a channel's peaks within a relative window of the level."""
         level, curve = self._level(pair[1]), self.curves[pair]
-        if log(max(curve.coarse[2], _TINY)) < level + log((1.0 - window) * BELOW):
+        if log(max(curve.coarse[2], SMALLEST)) < level + log((1.0 - window) * BELOW):
             return [], []
         at, values = curve.peaks
         near = values >= (1.0 - window) * max(values[0], exp(level))
@@ -371,7 +371,9 @@ class Point:
         gradients = np.real(outer).reshape(len(vectors), -1) @ self.jacobian(pair[0]).T
         limit = self.problem.is_limit(pair[1])
         return [
-            ActiveFunction(*pair, at, self._scaled(pair[1], value), gradient / max(value, _TINY), limit, top, passage)
+            ActiveFunction(
+                *pair, at, self._scaled(pair[1], value), gradient / max(value, SMALLEST), limit, top, passage
+            )
             for (passage, at, _, _, value, top), gradient in zip(vectors, gradients, strict=True)
         ]
 
@@ -396,7 +398,7 @@ class Point:
         loop, rows, columns = self.loop(model), self.problem.rows[channel], self.problem.columns[channel]
         B, C, n = loop.B[:, columns], loop.C[rows], len(loop.A)
         P, Q = _gramian(loop.A, B), _gramian(loop.A.T, C.T)
-        square = max(float(np.sum((C @ P) * C)), _TINY**2)
+        square = max(float(np.sum((C @ P) * C)), SMALLEST**2)
         full = np.zeros((n + len(loop.C), n + loop.B.shape[1]))
         full[:n, :n] = Q @ P
         full[np.ix_(np.arange(n), n + columns)] = Q @ B

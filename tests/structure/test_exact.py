@@ -12,6 +12,7 @@ from boomctl.boom.exact import exact_boom
 from boomctl.boom.model import ACTUATORS, boom_assembly
 from boomctl.exceptions import AccuracyWarning
 from boomctl.lab.benchmark.high_precision import exact_response
+from boomctl.lti.rounding import ALIKE
 from boomctl.structure import (
     GROUND,
     Assembly,
@@ -27,7 +28,6 @@ from boomctl.structure import (
     revolute,
 )
 from boomctl.structure.beams.eigenvalues import undamped_frequencies
-from boomctl.structure.beams.exact import WARN_RTOL
 from boomctl.structure.displacement_input import prescribe_displacement
 from tests.fifty_digits import damped_eigenvalues
 from tests.profiles import examples
@@ -102,7 +102,7 @@ def test_exact_boom_at_any_spring_distance(distance, change):
     with warnings.catch_warnings():
         warnings.simplefilter("error", AccuracyWarning)
         found = bc.exact_frequency_response(p, omega).frdata
-    assert error(found, exact_response(p, omega, DIGITS)) < WARN_RTOL
+    assert error(found, exact_response(p, omega, DIGITS)) < ALIKE
 
 
 @pytest.mark.slow
@@ -117,7 +117,7 @@ def test_no_response_is_further_off_than_is_promised_or_said(distance, frequency
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always", AccuracyWarning)
         found = bc.exact_frequency_response(p, omega).frdata
-    assert said or error(found, truth) < WARN_RTOL
+    assert said or error(found, truth) < ALIKE
 
 
 @pytest.mark.parametrize("away", [1e-8, 1e-11])
@@ -171,8 +171,8 @@ def test_a_beam_with_a_short_section_is_the_beam_without(seed):
     lengths = np.concatenate([np.stack([rest[:-1], short], axis=1).ravel(), rest[-1:]])
     omega, soft = 10.0 ** rng.uniform(-3.0, 4.0, 6), 10.0 ** rng.uniform(-4.0, 3.0)
     whole, parts = cantilever([lengths.sum()], soft).to_exact(), cantilever(lengths, soft).to_exact()
-    assert error(parts.response(omega, ["f"], ["y"]), whole.response(omega, ["f"], ["y"])) < WARN_RTOL
-    assert undamped_frequencies(parts, 4) == pytest.approx(undamped_frequencies(whole, 4), rel=WARN_RTOL)
+    assert error(parts.response(omega, ["f"], ["y"]), whole.response(omega, ["f"], ["y"])) < ALIKE
+    assert undamped_frequencies(parts, 4) == pytest.approx(undamped_frequencies(whole, 4), rel=ALIKE)
 
 
 @given(seeds)

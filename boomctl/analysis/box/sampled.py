@@ -18,14 +18,13 @@ from boomctl.analysis.box.polynomials import Cell, Polynomial, stacked
 from boomctl.analysis.loops import joined
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS, Functions, fitted, points_along, tried_points
-from boomctl.lti.rounding import SOLVED
+from boomctl.lti.rounding import ALIKE, SOLVED
 from boomctl.lti.system import Lti, signal_scales
 from boomctl.structure.families import Family, Slope
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.modes import undamped_modes
 from boomctl.structure.response.realization import realize
 
-_EXACT = 1e-9  # Largest error of a polynomial, relative to the largest entry: far below the damping of a loop.
 # The same for many parameters, where products of parameters of different coordinates are omitted and count as error.
 _COUPLED = 1e-6
 # Largest number of points in a parameter's range; a wider range is halved, because coefficients of higher powers cancel.
@@ -67,7 +66,7 @@ def sampled_parts(
 
 def _part(cell: Cell, at: Functions, counts: Sequence[int], dt: float, groups: Sequence[Sequence[int]]) -> LoopPart:
     """Return the loop over a part of the box, interpolated at ``counts`` points of each parameter's range."""
-    exact = _EXACT / SOLVED
+    exact = ALIKE / SOLVED
     terms, off, miss = fitted(at, counts, at(tried_points(len(counts))), _negligible, exact, _FAST, groups)
     if miss > (_COUPLED / SOLVED if groups else exact):
         raise ValueError(f"{_FAST}: polynomials of it miss it by {miss * SOLVED:.2g}")

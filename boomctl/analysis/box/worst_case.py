@@ -16,6 +16,7 @@ from boomctl.analysis.loops import sign_advice
 from boomctl.analysis.norm import NAMES, NormBounds, matrices_norm
 from boomctl.arrays import Array
 from boomctl.checks import from_on, known, positive, whole
+from boomctl.lti.rounding import LEVEL
 from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
@@ -36,7 +37,6 @@ _LOOSER = 10.0  # Factor on the tolerance when the cell budget is exhausted.
 _LOOSENED = 2  # Largest number of such increases.
 _LOST = "loop unstable or undamped"
 _CHECKED = 8  # Random points of the box at which a bound is checked.
-_SAME = 1e-6  # Relative difference of certified norms by two methods that count as equal.
 
 
 @dataclass(frozen=True)
@@ -241,7 +241,7 @@ class _Level(Statement):
         super().__init__(lambda point: at(point).lower_bound < inf, self.lower * (1.0 + gap))
 
     def met(self, gain: float, point: Array) -> None:
-        if gain > self.lower * (1.0 + _SAME):
+        if gain > self.lower * (1.0 + LEVEL):
             worst, most, _ = pattern_search(lambda d: self.at(d).lower_bound, len(point), point)
             if most > self.lower:  # the gain of the polynomials may exceed the loop's
                 self.worst, self.lower = worst, most
@@ -294,6 +294,6 @@ def _hindrance(parts: "Sequence[LoopPart]", level: _Level) -> str:
                 return "a pole that is not stable is unobservable or uncontrollable from these signals"
             here, there = level.at(part.cell.point(point)), matrices_norm(part.at(point))
             known = [(x.lower_bound, x.upper_bound if x.verified else x.lower_bound) for x in (here, there)]
-            if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + _SAME):
+            if max(low for low, _ in known) > min(high for _, high in known) * (1.0 + LEVEL):
                 return f"two methods for the norm differ: {here.lower_bound:.9g} and {there.lower_bound:.9g}"
     return "" if level.lower > 0.0 else "the norm is zero at all evaluated points"

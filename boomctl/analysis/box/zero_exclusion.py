@@ -25,7 +25,7 @@ from scipy import linalg
 from boomctl.analysis.box.polynomials import Cell, Polynomial, about
 from boomctl.arrays import Array, balance
 from boomctl.chebyshev import FEW_PARAMETERS
-from boomctl.lti.rounding import EPS, TINY
+from boomctl.lti.rounding import EPS, SUMMED, TINY
 
 # Directions for lower bounds of a modulus: the best is within 8 % of the modulus (cos 22.5 deg).
 _DIRECTIONS = np.exp(-0.25j * np.pi * np.arange(8))
@@ -39,7 +39,6 @@ _PARTS = 4  # Parts of a subdivided interval.
 _SWEEPS = 20  # Largest number of power iterations.
 _ROUNDING = 32.0 * EPS  # Rounding error of sums of products of a few terms.
 BELOW = 1.0 - 1e-9  # Below one by more than the rounding error of a matrix-vector product, or of a gain.
-_LEAST = 1e-12  # Smallest entry of the vector, relative to the largest, so that no entry vanishes.
 _PRODUCTS = 3  # Largest order of a product whose matrix is stored with phases; longer products are small.
 
 
@@ -319,4 +318,4 @@ def _below_one(H: Array) -> NDArray[np.bool_]:
 def evened(x: Array, y: Array) -> Array:
     """Return positive vectors whose ratios to their products with nonnegative matrices, ``y = H x``, vary less."""
     x = np.sqrt(x * np.maximum(y, TINY))
-    return np.maximum(x / x.max(axis=1, keepdims=True), _LEAST)
+    return np.maximum(x / x.max(axis=1, keepdims=True), SUMMED)

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from math import inf, isfinite, log
 from typing import Literal
 
+from boomctl.lti.rounding import LEVEL
+
 Calls = Literal["cold", "hot"]
-_ALIKE = 1e-6  # relative difference of errors below which two programs on one mesh differ by rounding error
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ class Diagram:
         """
         result = []
         for other in self.front(calls, ours=False):
-            able = (p for p in self.front(calls, ours=True) if p.error <= other.error * (1.0 + _ALIKE))
+            able = (p for p in self.front(calls, ours=True) if p.error <= other.error * (1.0 + LEVEL))
             best, theirs = next(able, None), other.elapsed(calls)
             taken = best and best.elapsed(calls)
             result.append((theirs / taken if taken and theirs else 0.0, other, best))

@@ -16,6 +16,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.gauss import CollocationMethod, gauss_method
+from boomctl.lti.rounding import DEPENDENT
 from boomctl.maneuvers import Maneuver, PrescribedMotion
 from boomctl.progress import tell
 from boomctl.rotating_beam.exact.dynamics import ExactBeamDynamics
@@ -24,7 +25,6 @@ from boomctl.rotating_beam.result import CHUNK
 STAGES = 4  # Stages of the collocation, order 8.
 _MAX_ITERATIONS = 15  # Iterations of Newton's method.
 _SETTLED = 1e-15  # last correction times contraction, relative to the motion, at which a step is solved
-_NOISE = 1e-10  # relative corrections below this that no longer shrink are rounding
 _STALLED = 0.5  # contraction above which corrections no longer shrink
 _SLOW = 0.05  # contraction above which the frozen Jacobian is updated
 _HOPELESS = 0.7  # contraction above which a frozen Jacobian is given up for a fresh one
@@ -164,7 +164,7 @@ class _Step:
             if not np.isfinite(size):
                 return None
             contraction = size / last if iteration and last > 0.0 else 0.0
-            noise = size <= _NOISE * motion and contraction > _STALLED
+            noise = size <= DEPENDENT * motion and contraction > _STALLED
             if size == 0.0 or noise or (iteration and contraction * size <= _SETTLED * motion):
                 velocities[:, self.first :] -= 0.0 if noise else change
                 return _Solved(velocities, self.residual(velocities)[1], 0.0 if noise else contraction)

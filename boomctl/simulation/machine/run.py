@@ -17,7 +17,7 @@ import numpy as np
 from boomctl.arrays import Array, blocks
 from boomctl.checks import exactly
 from boomctl.lti.machine_modes import MachineModes
-from boomctl.lti.rounding import ALIKE
+from boomctl.lti.rounding import ALIKE, DEPENDENT
 from boomctl.progress import tell
 from boomctl.simulation.controller import SampledController
 from boomctl.simulation.machine.exponential_step import exponential_step
@@ -34,7 +34,6 @@ _ANGLE = 3.0  # Phase [rad] of the fastest mode that an input excites in a first
 _DAMPED = 2.0  # Decay rate times length of a first step: explicit steps are stable below 2.5.
 _ORDER = 4  # Order of the scheme; lower if axial modes vibrate many times in a step.
 _MOST_DOUBLINGS = 3  # Most doublings of the number of steps between trials: early error estimates are inaccurate.
-_ROUNDING = 1e-10  # Difference of two runs, relative to the displacements, that counts as rounding if it stops falling.
 _FAILURES = 3  # Trials that overflow, or do not reduce the difference, after which the run fails.
 _MOST_STEPS = 2e7  # Most steps of a run: some minutes.
 _INLINE = 4  # Most steps within a step of the grid that are expanded into one expression; more are a loop.
@@ -120,7 +119,7 @@ def run_to_tolerance(p: MachineLoop, rtol: float, atol: float) -> tuple[Array, C
             return *second, float(difference.max())
         nearer = difference.max() < best
         failures += 0 if nearer else 1
-        rounding = bool((difference <= _ROUNDING * np.abs(here).max(axis=1)).all())
+        rounding = bool((difference <= DEPENDENT * np.abs(here).max(axis=1)).all())
         best = min(best, float(difference.max()))
         if failures > _FAILURES or (rounding and not nearer):
             _stays(rtol, best, counts)

@@ -24,7 +24,6 @@ _EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _SETTLE
 _FOURTH_ORDER = 15.0  # 2^4 - 1: ratio of the change of the end by halved steps to their remaining error
 _SERVES = 0.2  # ratio of successive moves below which the Hessian is reused
 _SETTLED = 1e-11  # scaled terminal residual, and arc or move over the duration, at rounding level
-_FLAT = 1e-12  # predicted decrease over the duration at convergence
 _ENOUGH = 0.1  # predicted time saved by reversing wrong signs of the torque, as a fraction of the tolerance
 _POSITIVE, _MAX_MOVE = 0.8, 0.1  # largest fraction of an arc that a move removes; largest move over the duration
 _EXTREMAL = 1e-4  # relative gap above which the torque is assumed to have too few arcs
@@ -172,7 +171,7 @@ def _newton(ends: EndMap, arcs: _Arcs, counts: Array) -> _Arcs | None:
             arcs = replace(arcs, hessian=ends.hessian(reached, reached.multipliers))
         normal, tangential, predicted = _newton_step(defect, slope, arcs.hessian)
         before, size = size, float(np.abs(normal + tangential).max() / total)
-        flat = predicted < _FLAT * total
+        flat = predicted < SUMMED * total
         if flat and np.abs(normal).max() < _SETTLED * total:
             wrong = np.maximum((reached.multipliers @ reached.by_torque) * reached.steps.u, 0.0)
             return replace(arcs, predicted=predicted, wrong=2.0 * float(np.sum(wrong)) / total)

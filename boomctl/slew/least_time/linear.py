@@ -19,7 +19,7 @@ from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
-from boomctl.lti.rounding import ITERATIONS
+from boomctl.lti.rounding import ITERATIONS, ROOT
 from boomctl.slew.linear import flow
 from boomctl.slew.problem import RTOL, SlewProblem
 from boomctl.slew.torque import TorqueProfile, bang_bang
@@ -35,8 +35,6 @@ _REWEIGHTED = 20  # reweighted least-squares iterations for a duration; weights 
 _THIN = 1e-6  # fraction of the largest |G^T y| below which weights are bounded
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # last step of a time over the duration: to accept the result; to stop at once
 _SHORTEST = 1e-4  # smallest damping factor of a Newton step; below it switching times cross
-_TOGETHER = 1e-7  # fraction of the duration below which two switching times coincide and their arc is removed
-_AGREE = 1e-6  # wrong-signed switching function over its maximum that is rounding error at the switches
 _SAMPLES = 4000  # times at which the signs of torque and switching function are compared
 _PARTS = 2000  # parts of the duration for the quadrature of |p|, which is smooth between switches
 
@@ -291,10 +289,10 @@ def _agreeing(problem: SlewProblem, extremal: Extremal | None) -> Extremal | Non
     while extremal is not None and extremal.switches.size > 1:
         gaps = np.diff(extremal.switches)
         k = int(np.argmin(gaps))
-        if gaps[k] > _TOGETHER * extremal.duration:
+        if gaps[k] > ROOT * extremal.duration:
             break
         extremal = _newton(problem, replace(extremal, switches=np.delete(extremal.switches, [k, k + 1])))
-    return extremal if extremal is not None and misfit(problem, extremal) < _AGREE else None
+    return extremal if extremal is not None and misfit(problem, extremal) < RTOL else None
 
 
 def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import DIGIT, ITERATIONS, ROOT, warn_of_rounding
-from boomctl.structure.beams.exact import WARN_RTOL, ExactModel
+from boomctl.lti.rounding import ALIKE, DIGIT, ITERATIONS, ROOT, warn_of_rounding
+from boomctl.structure.beams.exact import ExactModel
 from boomctl.structure.displacement_input import prescribe_displacement
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.response.poles import damped_poles
@@ -55,7 +55,7 @@ def undamped_frequencies(model: ExactModel, count: int) -> Array:
 def _warn_of_worst(values: Array, rounding: Array) -> None:
     """Warn if the error of an eigenfrequency may exceed the limit."""
     worst = int(np.argmax(rounding))
-    warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]), WARN_RTOL)
+    warn_of_rounding(f"the exact beam's eigenfrequency of {values[worst]:.6g} rad/s", float(rounding[worst]), ALIKE)
 
 
 def _deciding(model: ExactModel, omega: Array, wanted: Array) -> Array:
@@ -108,7 +108,7 @@ def damped_eigenvalues(model: ExactModel, start: SecondOrderModel, moved: Sequen
         s = s - step
         if (np.abs(step) <= np.maximum(1e-13 * np.abs(s), 0.1 * rounding)).all():
             break
-    residual = np.abs(step) / np.maximum(np.abs(s), rounding / WARN_RTOL)
+    residual = np.abs(step) / np.maximum(np.abs(s), rounding / ALIKE)
     worst = int(np.argmax(residual))
     if not residual[worst] <= _CONVERGED:
         raise ArithmeticError(f"Newton's method for the eigenvalue near {first[worst]:.6g} did not converge")

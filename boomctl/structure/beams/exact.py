@@ -22,7 +22,6 @@ _CANCELLED = 3e4  # Ratio of nodal stiffness to pivot above which strain coordin
 # Ratio of the stiffness of the stiffest segment to that of all in series up to which nodal stiffnesses are used: errors of
 # 1e-10 on random beams of up to 13 segments and springs of all magnitudes.
 _UNEVEN = 1e4
-WARN_RTOL = 1e-9  # Warn above this rounding error of an eigenfrequency or of the largest output to an input.
 
 Entries = Mapping[tuple[int, int], Array]
 
@@ -333,7 +332,7 @@ class PreparedResponse:
         if len(omega):
             worst = int(np.argmax(ratio))
             of = f"the exact beam's response at {omega[worst]:.6g} rad/s"
-            warn_of_rounding(of, float(ratio[worst]), WARN_RTOL)
+            warn_of_rounding(of, float(ratio[worst]), ALIKE)
         return total.transpose(1, 2, 0)
 
 

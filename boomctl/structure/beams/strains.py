@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from boomctl.arrays import Array
+from boomctl.checks import SMALLEST
 from boomctl.lti.rounding import EPS
 from boomctl.structure.beams.dynamic_stiffness import strain_functions, strain_lines, strain_terms
 from boomctl.structure.beams.terms import Lines, kinds_of, term_weights, unit_terms
@@ -19,7 +20,6 @@ from boomctl.structure.layout import Weights
 from boomctl.structure.parts import BeamSegment
 from boomctl.structure.strain_coordinates import unstrained
 
-_SOFTEST = 1e-100  # Of the largest stiffness: the scale of the elongation of a softer spring would overflow.
 _SHORT = 1.0  # |z| up to which strains of a segment are coordinates; rounding is alike from 0.5 to 2.
 _DIFFERENCE = 1e-6  # Of |s|: step of the difference quotient, whose rounding and curvature are some 1e-10.
 
@@ -126,7 +126,7 @@ class StrainSystem:
         imposed = self.right[0], self.right[1], strain_lines(self.right[2])
         scale = np.sqrt(np.stack([stiffness, 3.0 * stiffness], axis=1)).ravel()
         strains = lines.reshape(-1, 4, n)[:, 2:].reshape(-1, n) * scale[:, None]
-        stiff = weights.k > _SOFTEST * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
+        stiff = weights.k > SMALLEST * max(float(stiffness.max(initial=0.0)), float(weights.k.max(initial=0.0)))
         rows = np.concatenate([strains, np.sqrt(weights.k)[:, None] * R])
         used = np.concatenate([np.repeat(short, 2), stiff]) & rows.any(axis=1)
         V, strained, r = np.eye(n), rows[used], 0

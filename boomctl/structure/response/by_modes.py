@@ -8,15 +8,13 @@ import numpy as np
 from scipy.linalg import lapack
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import EPS, SOLVED, TINY
+from boomctl.lti.rounding import DEPENDENT, EPS, LEVEL, SOLVED, TINY
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
 from boomctl.structure.response.modes import undamped_modes
 
 _MAX_DAMPERS = 6  # An update of higher rank costs about as much as dense solutions.
-_CANCELLED = 1e-10  # Largest rounding error of an update, relative to the response.
-_MINOR = 1e-6  # Responses of an output to an input below this fraction of its largest response need fewer digits.
 
 
 def respond_by_modes(structure: Structure, ports: Ports, omega: Array) -> Array | None:
@@ -90,5 +88,5 @@ def _receptance(
             both -= both[:, m + j, None] * (row / pivot)
     result = both[:p, :m]
     after = np.abs(result)
-    limit = _CANCELLED * np.maximum(after, _MINOR * after.max(axis=1, keepdims=True, initial=0.0))
+    limit = DEPENDENT * np.maximum(after, LEVEL * after.max(axis=1, keepdims=True, initial=0.0))
     return result if (EPS * before <= limit).all() else None

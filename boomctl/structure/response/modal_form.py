@@ -11,7 +11,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, balance
-from boomctl.lti.rounding import VISIBLE, warn_of_rounding
+from boomctl.lti.rounding import LEVEL, VISIBLE, warn_of_rounding
 from boomctl.lti.system import Lti
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.ports import Ports
@@ -27,7 +27,6 @@ _UNDAMPED = 1e-8
 _OVERDAMPED = 1e3  # Rate of damping over the slowest frequency from which on a state space over modes is checked.
 _EVEN = 2.0**10  # Ratio of the balancing scales of a state matrix up to which user matrices keep their coordinates.
 _CHECKED = np.array([0.01, 0.7])  # Times the slowest frequency: where it is checked, between no resonances.
-_MAX_ROUNDING = 1e-6  # Rounding error of a response of a state space over modes above which a warning is given.
 
 
 def in_modes(structure: Structure, ports: Ports, frequencies: Array, V: Array) -> Lti:
@@ -92,7 +91,7 @@ def user_state_space(structure: Structure, ports: Ports, states: str | None) -> 
         scale = balance(own.A)[1]
         if scale.max() <= _EVEN * scale.min():
             return own
-    return _warned(modal_form(structure, ports), structure, ports, _OVERDAMPED, _MAX_ROUNDING)
+    return _warned(modal_form(structure, ports), structure, ports, _OVERDAMPED, LEVEL)
 
 
 def _warned(system: Lti, structure: Structure, ports: Ports, least: float, limit: float) -> Lti:

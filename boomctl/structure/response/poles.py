@@ -4,9 +4,8 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array, blocks
-from boomctl.lti.rounding import ALIKE, DIGIT, ROOT, SUMMED, warn_of_rounding
+from boomctl.lti.rounding import ALIKE, DEPENDENT, DIGIT, ROOT, SUMMED, warn_of_rounding
 from boomctl.printing import count as counted
-from boomctl.structure.elimination import DEPENDENT
 from boomctl.structure.layout import weigh
 from boomctl.structure.matrices import Structure, is_symmetric
 from boomctl.structure.response.modes import GRADED, undamped_modes

@@ -25,6 +25,7 @@ from boomctl.boom.model import ACTUATORS, TIPS
 from boomctl.boom.parameters import BoomParameters
 from boomctl.exceptions import MarginLossWarning
 from boomctl.lti.python_control import control
+from boomctl.lti.rounding import LEVEL
 from boomctl.structure.families import AffineFamily
 from boomctl.structure.model import SecondOrderModel, split_symmetric
 from boomctl.studies.evaluation import Finding, box_method, stability_finding
@@ -35,7 +36,6 @@ from boomctl.synthesis.plants.symmetry import split_controller
 MEASURED_YAW_HZ = 0.34  # the first frequency that the paper measured, where its Table 2 gives 0.245 Hz
 _FREQUENCIES = np.geomspace(0.15, 130.0, 260)  # [rad/s], drawn: from below the slow yaw to beyond the accelerometers
 _HIGH = 0.9  # fraction of the peak above which frequencies of the mesh are added for the exact boom
-_MIXED = 1e-6  # coupling between the subsystems, relative to the controller, that counts as rounding error
 _EXACT_ELEMENTS, _EXACT_POLES = 40, 60  # of a mesh, those nearest to zero: around them the exact boom's steps are small
 _FINE = 60  # elements of the finer mesh: frequencies below half the sampling rate as those of the exact beam to 1e-5
 _SIDES = {"jolt": "sym", "yaw": "anti"}
@@ -183,7 +183,7 @@ def _controllers(model: SecondOrderModel, K: control.StateSpace | None) -> dict[
         ends = [{"inputs": [f"stroke_{side}"], "outputs": [f"suspension_{side}"]} for side in _SIDES.values()]
         return {name: control.ss([], [], [], [[0.0]], **names) for name, names in zip(_SIDES, ends, strict=True)}
     symmetric, antisymmetric, mixed = split_controller(model, K)
-    if mixed > _MIXED:
+    if mixed > LEVEL:
         raise ValueError(f"controller: {100 * mixed:.2g} % of it leads from one half to the other; symmetrize it first")
     return {"jolt": symmetric, "yaw": antisymmetric}
 

@@ -32,7 +32,6 @@ _SECANT_MARGIN = 0.5  # Excess of a level over the secant, relative to rtol and 
 _FIRST_GROWTH, _MAX_GROWTH = 1.1, 1e10  # Growth of the first levels, squared with each one that is not reached.
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
 _ZERO_LEVEL = 1e-8  # A level below this fraction of the gain of the plant is zero.
-_INDEFINITE_RTOL = 1e-8  # A negative eigenvalue of X below this fraction of the largest one is rounding error.
 # Least ratio of the singular values of I + D_K D22. The loop of the central controller loses three digits below it.
 _MIN_WELL_POSEDNESS = 1e-3
 _COUPLING = "state feedback and estimation together do not reach it (rho(XY) >= gamma^2)"
@@ -94,7 +93,7 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
         solution = even(solution)
         values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
         negligible = ALIKE * np.linalg.norm(F) / np.linalg.norm(G) if G.any() else TINY  # Its gain does not change F.
-        if values[0] < -max(_INDEFINITE_RTOL * np.abs(values[[0, -1]]).max(), negligible):
+        if values[0] < -max(_ZERO_LEVEL * np.abs(values[[0, -1]]).max(), negligible):
             reason = f"the solution {name} of the {case} Riccati equation is not positive semidefinite"
             return Level(gamma, reason, lower_bound=gamma if np.isfinite(gamma) else 0.0)
         solutions.append(solution)

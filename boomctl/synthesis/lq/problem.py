@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.checks import finite_array, known, real, within
+from boomctl.checks import FASTEST, finite_array, known, real, within
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.hidden_modes import unmoved
@@ -21,8 +21,6 @@ from boomctl.synthesis.lq.riccati import RiccatiProblem, RiccatiSolution, soluti
 
 Weight: TypeAlias = ArrayLike | Mapping[str, float]
 """A number (the same for each signal), one number a signal, a symmetric matrix, or numbers by signal name."""
-
-_RANGE = 1e-60, 1e60  # Of the entries of weights, whose products must not overflow.
 
 
 def plant_of(system: object, *, sampled: bool = False) -> Lti:
@@ -85,7 +83,7 @@ def _matrix(what: str, value: Weight, signals: Sequence[str]) -> Array:
     for name, number in value.items() if isinstance(value, Mapping) else ():
         array[signals.index(known(f"signal in {what}", name, signals))] = real(f"{what}[{name!r}]", number)
     for entry in np.abs(array[array != 0.0]):
-        within(f"modulus of an entry of {what}", float(entry), *_RANGE)
+        within(f"modulus of an entry of {what}", float(entry), 1.0 / FASTEST, FASTEST)
     if array.ndim == 0:
         return float(array) * np.eye(n)
     if array.shape == (n,):

@@ -21,7 +21,7 @@ from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import EPS, ITERATIONS, SUMMED, TINY
+from boomctl.lti.rounding import EPS, ITERATIONS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import rates_of, signal_scales
 from boomctl.printing import compact
 
@@ -29,7 +29,6 @@ _MAX_CONDITION = 1e10  # Of the eigenvectors; modal coordinates of worse ones le
 _LEAST_COUPLING = 1e-24  # Of a mode, relative to the largest one, so that scales are within 1e6.
 _NEAR = 0.5  # Cost error below which Newton's method converges quadratically.
 _SOLVED = 1e-8  # Newton's method ends at this fraction of the largest errors of a certificate.
-MAX_RESIDUAL = 1e-6  # Of a certified solution, relative to the terms of the equation.
 MAX_COST_ERROR = 1e-4  # Of a certified solution, relative to the cost.
 _MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
 
@@ -127,7 +126,7 @@ class RiccatiSolution:
     @property
     def relative_error(self) -> float:
         """The larger of the errors, relative to the largest that are certified; ``inf`` if the loop is not stable."""
-        errors = self.cost_error / MAX_COST_ERROR, self.residual / MAX_RESIDUAL
+        errors = self.cost_error / MAX_COST_ERROR, self.residual / LEVEL
         return max(errors) if self.abscissa < 0.0 else float("inf")
 
 

@@ -11,7 +11,7 @@ from boomctl.arrays import Array
 from boomctl.checks import instance
 from boomctl.lti.bilinear import continuous_image, discrete_image
 from boomctl.lti.modal import block_diagonal, resolved
-from boomctl.lti.rounding import ALIKE, ROOT, SOLVED
+from boomctl.lti.rounding import ALIKE, LEVEL, ROOT, SOLVED
 from boomctl.lti.system import Lti, append, check_scales, controller_of, of
 from boomctl.structure.model import SecondOrderModel
 from boomctl.structure.symmetry import Mirror
@@ -20,7 +20,6 @@ from boomctl.threads import one_blas_thread
 if TYPE_CHECKING:
     import control
 
-_RESPONSE_RTOL = 1e-6  # Largest relative change of the response of a subsystem.
 _CLUSTER_RTOL = 1e-3  # Poles whose moduli are closer than this are reduced together.
 _GAP = 1e-3  # Relative distance of frequencies from undamped poles.
 
@@ -141,7 +140,7 @@ def split_controller(
         half = Lti(A, B, np.hstack([block.C for block in blocks]), drive @ K.D @ read, inputs, outputs)
         error = half.response(grid, quiet=True).transpose(2, 0, 1) / units[k] - parts[k, k]
         change = np.abs(error).max(axis=(1, 2), initial=0.0) / np.where(gain > 0.0, gain, 1.0) - pole_error
-        if not change.max() <= _RESPONSE_RTOL:
+        if not change.max() <= LEVEL:
             name, worst = ("symmetric", "antisymmetric")[k], int(np.argmax(change))
             raise ValueError(
                 f"`controller` cannot be split: its {name} part would change by {100.0 * change[worst]:.2g} % at"

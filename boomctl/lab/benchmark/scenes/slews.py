@@ -31,7 +31,6 @@ _QUIET = {"ipopt.print_level": 0, "ipopt.sb": "yes", "print_time": False, "ipopt
 _PHASE = 1.0  # rad: of the highest mode in a step of the replay; order 16 leaves 1e-15 of that
 _SUBSTEPS = 4  # RK4 steps per interval: error of 1e-7 of the effort with 200 intervals and three modes
 _ARCS = 20  # steps an arc of a bang-bang torque: each well below a radian of the highest mode
-_CLOSED = 1e-11  # of the end of a bang-bang slew: rounding
 
 
 @dataclass(frozen=True)
@@ -251,7 +250,7 @@ def least_time(slew: Slew, intervals: int) -> float:
     if lengths.size != slew.target.size:
         raise RuntimeError(f"{lengths.size} arcs for {slew.target.size} states")
     torques = slew.torque_limit * signs[0] * (-1.0) ** np.arange(lengths.size)
-    exact = root(lambda d: _end(slew.beam, torques, d, _ARCS) - slew.target, lengths, tol=_CLOSED)
-    if np.abs(exact.fun).max() > 1e2 * _CLOSED or exact.x.min() <= 0.0:
+    exact = root(lambda d: _end(slew.beam, torques, d, _ARCS) - slew.target, lengths, tol=_EQUAL)
+    if np.abs(exact.fun).max() > 1e2 * _EQUAL or exact.x.min() <= 0.0:
         raise RuntimeError(f"the error at the end is {np.abs(exact.fun).max():.1e}")
     return float(exact.x.sum())
