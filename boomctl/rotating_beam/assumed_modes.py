@@ -119,7 +119,9 @@ class AssumedModesBeam(HubBeam):
             return lowest_rate(self._integrals.M2, self._integrals.K2)
         return self.max_steady_speed
 
-    def _steady_limit(self) -> float:
+    @cached_property
+    @one_blas_thread
+    def max_steady_speed(self) -> float:
         return lowest_rate(self._integrals.M1, self._integrals.K1) if self.has_axial_modes else math.inf
 
     def residual_energy(self, state: ArrayLike, hub_speed: float = 0.0) -> float:
@@ -232,7 +234,7 @@ class AssumedModesBeam(HubBeam):
         """
         from boomctl.rotating_beam.families import read_by, structure_of  # as above
 
-        return structure_of(self, self._steady_speed(hub_speed), read_by(self, sensors))
+        return structure_of(self, self._speed_below(hub_speed, self.max_steady_speed), read_by(self, sensors))
 
     @property
     def _root_moment_row(self) -> Array:

@@ -163,10 +163,9 @@ class HubBeam(ABC):
         """
 
     @cached_property
-    @one_blas_thread
+    @abstractmethod
     def max_steady_speed(self) -> float:
         """Hub speed at which the axial stiffness is lost and a straight beam has no steady rotation, rad/s, or inf."""
-        return self._steady_limit()
 
     @one_blas_thread
     def eigenfrequencies_hz(self, hub_speed: float = 0.0, coupled: bool = False) -> Array:
@@ -200,10 +199,9 @@ class HubBeam(ABC):
         """
         if isinstance(hub_speed, (list, tuple, np.ndarray)):
             raise TypeError("hub_speed: expected one speed [rad/s]; .campbell(speeds) takes many")
-        speed = within("hub_speed", hub_speed, -FASTEST, FASTEST, "rad/s")
         if truth("coupled", coupled) and not self.has_axial_modes:
             raise ValueError(f"coupled = True: expected False, for model {self.model!r} has no axial modes")
-        self._check_speed(speed, self.divergence_speed())
+        speed = self._speed_below(hub_speed, self.divergence_speed())
         result = self._coupled_hz(speed) if coupled else self._transverse_hz(speed)
         warn_of_units(result)
         return result
@@ -376,7 +374,7 @@ class HubBeam(ABC):
         TypeError, ValueError
             If there is no steady rotation at that speed, or it is not a finite number.
         """
-        speed = self._steady_speed(hub_speed)
+        speed = self._speed_below(hub_speed, self.max_steady_speed)
         size = self._size
         state = np.zeros(2 * size)
         state[1:size], state[size] = self._steady_coordinates(speed), speed
@@ -518,7 +516,7 @@ class HubBeam(ABC):
             If `hub_speed` is not a finite number, or is at or above the speed at which the axial stiffness vanishes.
         """
         if sensors is None:
-            return self._linear(self._steady_speed(hub_speed)).statespace(self._system_name)
+            return self._linear(self._speed_below(hub_speed, self.max_steady_speed)).statespace(self._system_name)
         from boomctl.rotating_beam.modal.forced import linearized  # brings casadi
 
         state = self.steady_state(hub_speed)
@@ -568,17 +566,14 @@ class HubBeam(ABC):
             scales={},
         )
 
-    def _steady_speed(self, hub_speed: float) -> float:
+    def _speed_below(self, hub_speed: float, critical: float) -> float:
         speed = within("hub_speed", hub_speed, -FASTEST, FASTEST, "rad/s")
-        self._check_speed(speed, self.max_steady_speed)
-        return speed
-
-    def _check_speed(self, speed: float, critical: float) -> None:
         if abs(speed) >= critical:
             raise ValueError(
                 f"hub_speed = {exactly(speed)}: expected less than {up_to(critical)} rad/s, where "
                 f"{self.model} loses its stiffness"
             )
+        return speed
 
     def _solved(self, maneuver: Maneuver, times: Array, tolerance: tuple[float, float]) -> Motion:
         """Motion from rest, with the error of its solver alone."""
@@ -643,10 +638,6 @@ class HubBeam(ABC):
         gyroscopic = solve_triangular(root, half.T, lower=True).T
         periods = np.linalg.eigvalsh(1j * blocks([[np.zeros_like(cross), -cross.T], [cross, gyroscopic]]))
         return 1.0 / (2.0 * np.pi * periods[periods > 0.0][::-1])
-
-    @abstractmethod
-    def _steady_limit(self) -> float:
-        """See `max_steady_speed`."""
 
     @abstractmethod
     def _steady_coordinates(self, speed: float) -> Array:

@@ -73,11 +73,11 @@ def hub_beam_family(
     """Return a hub-beam about steady rotation over ranges of its parameters; see `AssumedModesBeam.family`."""
     ranges: dict[str, tuple[float, float]] = {}
     if isinstance(hub_speed, (int, float)):
-        fixed = beam._steady_speed(hub_speed)
+        fixed = beam._speed_below(hub_speed, beam.max_steady_speed)
     else:
         ranges["hub_speed"], fixed = interval("hub_speed", hub_speed), 0.0
         for end in ranges["hub_speed"]:
-            beam._steady_speed(end)
+            beam._speed_below(end, beam.max_steady_speed)
     for name, ends in parameters.items():
         ranges[name] = interval(known("parameter", name, [field.name for field in fields(beam.parameters)]), ends)
         for end, value in zip(("lower", "upper"), ranges[name], strict=True):

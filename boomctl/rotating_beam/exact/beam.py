@@ -102,7 +102,9 @@ class GeometricallyExactBeam(HubBeam):
     def divergence_speed(self) -> float:
         return self.max_steady_speed
 
-    def _steady_limit(self) -> float:
+    @cached_property
+    @one_blas_thread
+    def max_steady_speed(self) -> float:
         stiffness, mass, _ = self._axial
         return lowest_rate(mass, stiffness)
 

@@ -103,14 +103,17 @@ class FirstOrderEquations(Equations):
 
     def inertia(self, y: Array) -> Inertia:
         q = y[:, 1:]
-        return Inertia(self._hub_inertia(q), self._coupling(q), self.M)
+        hub = self.rigid_inertia + np.sum((q @ self.N) * q, axis=1)
+        if not self.has_axial:
+            return Inertia(hub, np.broadcast_to(self.W, q.shape), self.M)
+        return Inertia(hub + 2.0 * (q @ self.V), self.W - q @ self.B.T, self.M)
 
     def residual(self, y: Array, rate: Array, acceleration: Array) -> Array:
         q, u, a = y[:, 1:], rate[:, 1:], acceleration[:, 1:]
         speed, turning = rate[:, :1], acceleration[:, :1]
-        coupling = self._coupling(q)
+        hub, coupling, _ = self.inertia(y)
         result = np.empty_like(y)
-        result[:, 0] = self._hub_inertia(q) * turning[:, 0] + np.sum(coupling * a, axis=1)
+        result[:, 0] = hub * turning[:, 0] + np.sum(coupling * a, axis=1)
         if self.keeps_inertia_torque:
             result[:, 0] -= self.inertia_torque(y, rate)
         result[:, 1:] = a @ self.M + coupling * turning + u @ self.C + q @ self.K - speed**2 * (q @ self.N)
@@ -141,8 +144,8 @@ class FirstOrderEquations(Equations):
                 damping[:, 0, 0] += 2.0 * (u @ self.V)
                 damping[:, 0, 1:] += 2.0 * speed * self.V
         mass = np.empty_like(damping)
-        mass[:, 0, 0], mass[:, 1:, 1:] = self._hub_inertia(q), self.M
-        mass[:, 0, 1:] = mass[:, 1:, 0] = self._coupling(q)
+        mass[:, 0, 0], coupling, mass[:, 1:, 1:] = self.inertia(y)
+        mass[:, 0, 1:] = mass[:, 1:, 0] = coupling
         return Tangents(mass, damping, stiffness)
 
     def inertia_torque(self, y: Array, rate: Array) -> Array:
@@ -150,13 +153,6 @@ class FirstOrderEquations(Equations):
         q, u = y[:, 1:], rate[:, 1:]
         lever = np.sum((q @ self.N) * u, axis=1)
         return -2.0 * rate[:, 0] * (lever + u @ self.V if self.has_axial else lever)
-
-    def _hub_inertia(self, q: Array) -> Array:
-        inertia = self.rigid_inertia + np.sum((q @ self.N) * q, axis=1)
-        return inertia + 2.0 * (q @ self.V) if self.has_axial else inertia
-
-    def _coupling(self, q: Array) -> Array:
-        return self.W - q @ self.B.T if self.has_axial else np.broadcast_to(self.W, q.shape)
 
 
 def foam(integrals: ModalIntegrals) -> FirstOrderEquations:

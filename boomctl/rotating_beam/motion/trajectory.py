@@ -159,12 +159,13 @@ class FreeTrajectory:
             if within.size and item.fast.any():
                 vibrating = np.where(item.fast, turned[within], 0.0).T
                 z_rate[within] -= item.modes.impulses(z[within].T, vibrating).T
-        return self._physical(z, window), self._physical(z_rate, window)
-
-    def _physical(self, z: Array, window: Array) -> Array:
-        x = np.einsum("kij,kj->ki", self._vibrations.shapes[window], z[:, 1:])
-        theta = z[:, 0] / np.sqrt(self.form.inertia) + x @ self.form.lean
-        return np.column_stack([theta, x @ self.form.to_q.T])
+        shapes = self._vibrations.shapes[window]
+        beams = [(item[:, 0], np.einsum("kij,kj->ki", shapes, item[:, 1:])) for item in (z, z_rate)]
+        y, y_rate = (
+            np.column_stack([hub / np.sqrt(self.form.inertia) + x @ self.form.lean, x @ self.form.to_q.T])
+            for hub, x in beams
+        )
+        return y, y_rate
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
