@@ -1,4 +1,9 @@
-"""A modal model in continuous time from a record or from a measured frequency response."""
+"""A modal model in continuous time from a record or from a measured frequency response.
+
+From call to result: ``Record.of`` checks the record, ``Spectra.of_record`` transforms it, ``search_poles`` starts from common
+denominators (``poles_by_order``) and fits poles and residues (``CommonPoles``, ``fitted``); ``_validated`` tests the fit on
+other data, ``refine`` and ``settled`` repeat it on all data, ``deviations`` gives the intervals, and ``RankOne`` the system.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -190,7 +195,7 @@ class IdentificationResult:
             Bonferroni's bound.
         range_margin : float
             Fraction of each value by which its range is widened to either side, for changes after the measurement.
-        union_with : sequence of Identification
+        union_with : sequence of IdentificationResult
             Results of other records, such as other levels or days: the box is the smallest that contains the boxes of all.
             Modes are paired by frequency, each with the nearest within a tenth; a mode that another record does not have
             keeps its range.  The residues of this record are used.
@@ -397,11 +402,12 @@ def identify(
     narrow band around them; close to another mode they must also lower the error on omitted blocks (cross-validation).
     Integrators, up to two real poles, and pairs of poles outside the band are added only if this error falls.
 
-    The fit on the validation data is computed by simulation of the exported system with the inputs alone, from
-    an estimated initial state.  Then the model is fitted to the full record.
+    The fit percentage is that of the model of the first part, in a simulation of the validation data with the inputs alone
+    from an estimated initial state.  Then the model is fitted to the full record and exported.
 
     Confidence intervals come from a jackknife over blocks with equal information, so that they also hold for colored
-    errors.  Prediction intervals come from a jackknife over four long parts of the record or over several records: they
+    errors.  They do not include the bias by strong modes just outside the band: choose a band that includes these, or ends
+    well below them.  Prediction intervals come from a jackknife over four long parts of the record or over several records: they
     include changes of the structure with time and level.
 
     Examples

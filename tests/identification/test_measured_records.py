@@ -53,9 +53,9 @@ def test_steel_frame_record_free_run_and_modes():
         for order in (40, 80)
     ]
     percent = _free_run_percent(results[0].system, u, y, step, band, 6000)
-    assert percent.mean() > 96.7
+    assert percent.mean() > 96.3
     assert percent.min() > 93.9
-    assert results[0].system.nstates <= 40
+    assert results[0].system.nstates <= 36
     assert 14 <= len(results[0].modes) <= 16
     frequencies = [[mode.frequency_hz for mode in result.modes] for result in results]
     assert frequencies[0] == pytest.approx(frequencies[1], rel=1e-5)
@@ -83,7 +83,7 @@ def test_tower_records_share_modes():
             )
         results.append(found)
     hz = [np.array([mode.frequency_hz for mode in result.modes]) for result in results]
-    assert all(6 <= len(frequencies) <= 11 for frequencies in hz)
+    assert all(6 <= len(frequencies) <= 10 for frequencies in hz)
     assert sum(np.abs(hz[1] / each - 1.0).min() < 0.03 for each in hz[0]) >= 5
 
 

@@ -8,16 +8,15 @@ from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.identification.modal.spectra import Spectra, complex_of, real
-from boomctl.lti.rounding import ITERATIONS
 
+_STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
 _DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
 _FARTHEST = 1.0  # Largest change in a step of the logarithm of a decay rate, and of a frequency over the rate.
 _LEAST_DECAY = 1e-7  # Smallest decay rate relative to the frequency; a record does not determine smaller ones.
-_BEYOND = 1.1, 1.25, 1.5, 2.0  # Frequencies of modes above a band over its upper end; below the band the inverse.
-_LIGHT = 0.05  # their damping ratio
+_FAST = 2.0  # Frequency of the modes above the band over its upper end; 1.5 to 4 give the same fit.
 _AROUND = 10.0  # Fewest lines on either side of a resonance from which its errors are estimated.
 _BLOCK = 64  # Lines over which errors count as equally large: their median is accurate to a fifth.
 _RESONANCES = 3  # Resonances from which the error of the model is known.
@@ -26,9 +25,8 @@ _CLEAN = 1e-6  # of the energy of the outputs: of residuals that have more, roun
 
 
 def fixed_poles(low: float, high: float) -> Array:
-    """Return where modes outside a band [rad/s] may be put: above, and below if the band does not begin at zero."""
-    beyond = np.array(_BEYOND)
-    return np.append(beyond * high, low / beyond if low > 0.0 else []) * (-_LIGHT + 1.0j)
+    """Return where modes outside a band [rad/s] are put: one pair above, and one below if the band does not begin at zero."""
+    return np.append(_FAST * high, low / _FAST if low > 0.0 else []) * (-1.0 + 1.0j) / np.sqrt(2.0)
 
 
 @dataclass(frozen=True)
@@ -290,7 +288,7 @@ def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
     here, damping = start, _DAMPING
     if not len(here.poles):
         return here
-    for _ in range(ITERATIONS):
+    for _ in range(_STEPS):
         second, downward = here.normal_equations
         size = np.sqrt(np.maximum(np.diagonal(second), 0.0))
         if not size.any():  # wherever the poles are, what they do is explained

@@ -26,13 +26,13 @@ _NEIGHBOR = 3.0  # Half widths within which a candidate must pass a test of the 
 _ROUGHLY = 4.0  # Factor of the limits of intervals for such a candidate: the fit of all poles determines more.
 _LEFT_OUT = 0.7  # Least fall of the left-out error over the fall of the fit's error for such a candidate.
 _SIGNIFICANT = 2.0  # Standard errors by which the left-out error must fall for an additional term.
-_LEAST_FALL = 0.03  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
+_LEAST_FALL = 0.05  # Least fall of the logarithm of the left-out error for a pair of poles outside the band.
 _LEAST_FALL_OF_RIGID_BODY = 0.1  # The same for integrators and real poles.
 _REAL_POLES = 2  # Largest number of real poles.
 _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
-_STEADY = 0.4  # Fraction of the orders at which a pole is stable if the fit starts from it.
+_STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
 _LESS_STEADY = 0.2  # The same where that fit finds no pole.
 _REACH = 6.0  # Half widths to either side of a resonance in its window.
 _FEWEST = 12  # Lines to either side at least.
@@ -117,8 +117,8 @@ def with_background(fit: CommonPoles, band: Band) -> CommonPoles:
         fit = fit if _falls(left_out_errors(fewer), left_out_errors(fit)) else fewer
     fit = _with_rigid_body(fit, band)
     errors, fixed = left_out_errors(fit), fixed_poles(band.low, band.high)
-    if fit.data.held:
-        fixed = fixed[fixed.imag * fit.data.step < np.pi]
+    if fit.data.held and 2.0 * band.high * fit.data.step > np.pi:
+        fixed = fixed[np.abs(fixed) < band.high]
     while len(fixed := np.setdiff1d(fixed, fit.fixed)):
         more = replace(fit, fixed=np.append(fit.fixed, _strongest(fit, fixed)))
         after = left_out_errors(more)
