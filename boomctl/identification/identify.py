@@ -407,8 +407,8 @@ def identify(
 
     Confidence intervals come from a jackknife over blocks with equal information, so that they also hold for colored
     errors.  They do not include the bias by strong modes just outside the band: choose a band that includes these, or ends
-    well below them.  Prediction intervals come from a jackknife over four long parts of the record or over several records: they
-    include changes of the structure with time and level.
+    well below them.  Prediction intervals come from a jackknife over four long parts of the record or over several records:
+    they include changes of the structure with time and level.
 
     Examples
     --------
