@@ -169,4 +169,10 @@ def test_public_functions_of_systems_use_one_thread():
     systems = {"system", "plant", "P", "model", "family", "h", "structure"}
     found = {each for each in offered if inspect.isfunction(each) and systems & {*inspect.signature(each).parameters}}
     free = {each.__name__ for each in found if not hasattr(each, "__wrapped__")}
-    assert free == {"animate_slew", "scale_signals", "select_channels", "with_state_outputs"}  # no matrix computations
+    assert free == {
+        "animate_slew",
+        "hub_beam",
+        "scale_signals",
+        "select_channels",
+        "with_state_outputs",
+    }  # compute no matrix
