@@ -223,7 +223,7 @@ def continuous_image_of_modes(modes: ModalSystem, dt: float) -> tuple[ModalSyste
 def diagonalized(system: Lti) -> ModalSystem | None:
     """Return a system in modal coordinates, or None if the eigenvectors are ill-conditioned.
 
-    Modes are corrected to first order in the residuals of the eigenvalue problem, which keeps slow modes accurate beside fast
+    Modes are corrected to first order in the residuals of the eigenvalue problem, which keeps slow modes accurate among fast
     ones.  Each is scaled so that its row of ``B`` and its column of ``C`` are of equal length, which keeps Gramians accurate.
     """
     poles, reads, right = system.eigensystem
@@ -234,13 +234,14 @@ def diagonalized(system: Lti) -> ModalSystem | None:
     B, C = reads @ system.B, system.C @ right
     with np.errstate(divide="ignore", invalid="ignore"):
         mixed = change / (poles - poles[:, None] + np.diag(np.full(len(poles), inf)))
-        near = ~(np.abs(mixed) <= ROOT)
-        near = near.any(axis=0) | near.any(axis=1)  # Poles that are nearly equal remain as they are.
-        mixed[near], mixed[:, near] = 0.0, 0.0
+        equal = ~(np.abs(mixed) <= ROOT)  # to within rounding
+        # Modes of nearly defective poles remain as they are: their eigenvectors are nearly parallel.
+        defective = equal.any(axis=1) & (np.linalg.norm(reads, axis=1) > ROOT**-0.5)
+        mixed[equal | defective | defective[:, None]] = 0.0
         B, C = B - mixed @ B, C + C @ mixed
         read, acts = np.linalg.norm(C, axis=0), np.linalg.norm(B, axis=1)
         scale = np.where((read > 0.0) & (acts > 0.0), np.sqrt(read / acts), 1.0)
-    exact, rows, columns = poles + np.where(near, 0.0, change.diagonal()), B * scale[:, None], C / scale
+    exact, rows, columns = poles + np.where(defective, 0.0, change.diagonal()), B * scale[:, None], C / scale
     item: Array
     for item in (exact, rows, columns.T):  # exactly in pairs
         item[first + 1], item[single] = item[first].conj(), item[single].real

@@ -93,7 +93,7 @@ def boom_sigma() -> Scene:
         reference=lambda p: sigma_of(exact_response(p, _OMEGA)[:2, :2]),
         error=lambda p, true, answer: float(np.abs(np.asarray(answer) / true - 1.0).max()),
         methods=(
-            *_ours(lambda model: sigma(model, _OMEGA).sigma, "bc.sigma(model, omega)"),
+            *_ours(lambda model: sigma(model, _OMEGA).sigma, "bc.sigma(model, omega)", orders=_DEGREES[1:]),
             *settings("accuracy=", "{:g}", (1e-2, 1e-3, 1e-6), chosen, ours=True, call=by_accuracy),
             *settings("exact beam", "no mesh", [()], exact, ours=True, call=of_exact),
             *_others("python-control", _FINITE[:-1], lambda boom: control_sigma(control_boom(boom), _OMEGA)),
