@@ -7,11 +7,13 @@ from math import inf, isfinite
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ALIKE, COMPUTED, ITERATIONS
+from boomctl.lti.rounding import ALIKE, COMPUTED
 
 _FALL, _TURN = 1e-4, 0.5  # constants of the weak Wolfe conditions: decrease and curvature
 _LITTLE = 1e-3  # smallest predicted decrease of a step, as a fraction of ``gain``
 _STALLED = 10  # steps whose total decrease is compared with ``gain``
+
+_TRIALS = 30  # evaluations of a line search: at a kink no step ends it earlier
 
 Function = Callable[[Array], tuple[float, Callable[[], Array]]]
 
@@ -123,7 +125,7 @@ def _weak_wolfe(
     t = min(1.0 / max(1.0, float(np.linalg.norm(d))) if fresh else 1.0, longest)
     short, far = 0.0, inf
     best: tuple[Array, float, Array] | None = None
-    for _ in range(ITERATIONS):
+    for _ in range(_TRIALS):
         point = np.minimum(np.maximum(x + t * d, low), high)
         result, slope = function(point)
         if not result <= value + _FALL * t * falling:
