@@ -41,7 +41,7 @@ from boomctl.exceptions import MarginAccuracyWarning, MarginLossWarning
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import BEYOND, DRAWN, EMPTY, SEARCHED, resonance_grid, singular_values, smooth_curve
 from boomctl.lti.modal import resolved, sides
-from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, ITERATIONS, LEVEL, SOLVED, SUMMED
+from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, LEVEL, SOLVED, SUMMED
 from boomctl.lti.sampled import sampled_plant
 from boomctl.lti.system import Lti, controller_of, of, signal_scales
 from boomctl.printing import listed, table_html, table_text
@@ -61,9 +61,12 @@ _REAL = 1e-3
 # Largest eigenvalue relative to the norm of ``A``: larger ones are infinite eigenvalues perturbed by rounding.
 _FASTEST = 1e4
 _OFF_AXIS = 0.1  # Largest distance of a candidate from the axis, relative to its modulus; signs decide on a crossing.
+_FALSI_STEPS = 60  # Largest number of steps to a crossing; two to four are typical.
 _ACTIVE = 24  # Number of frequencies, those of the largest singular values, at which the first scaling is optimized.
+_ROUNDS = 12  # Largest number of added frequencies; two or three are typical.
 _SWEEPS = 50  # Sweeps over rows and columns to balance them, as the initial value of an optimization.
 _SEARCHED = 30  # Largest number of signals for an optimized scaling: it takes tens of seconds. Beyond, only balanced.
+_STEPS = 50  # Largest number of iterations of the optimization; a dozen is typical.
 _PARTS = 32  # Number of grid delays per sample.
 # Frequencies relative to a crossing at which the sign of the gain's derivative is determined.
 _NEAR_CROSSING = np.array([1.0 - 1e-6, 1.0, 1.0 + 1e-6])
@@ -463,7 +466,7 @@ def _disk(S: Lti, G: Array, rounding: float) -> DiskMargin:
     best = norm = norm_of(log)
     if 1 < n <= _SEARCHED:
         G = G[:, :, np.argsort(-_scaled_values(log, G))[:_ACTIVE]]
-        for _ in range(ITERATIONS):
+        for _ in range(_ROUNDS):
             at = T.response(np.array([norm.peak_omega]), quiet=True) if isfinite(norm.peak_omega) else T.D[:, :, None]
             G = np.append(G, at, axis=2)
             log, reached = _least(G, log)
@@ -522,7 +525,7 @@ def _least(G: Array, start: Array) -> tuple[Array, float]:
         method="SLSQP",
         bounds=bounds,
         constraints=constraint,
-        options={"maxiter": ITERATIONS, "ftol": ALIKE},
+        options={"maxiter": _STEPS, "ftol": ALIKE},
     )
     return result.x[:-1], float(_scaled_values(result.x[:-1], G).max())
 
@@ -625,7 +628,7 @@ def _crossings(zeros: Array, height: Callable[[Array], Array]) -> tuple[Array, A
     changed = values[1:] * values[:-1] < 0.0
     (a, b), (fa, fb) = ((x[:-1][changed], x[1:][changed]) for x in (ends, values))
     new = result = omega[changed]
-    for _ in range(ITERATIONS if len(new) else 0):
+    for _ in range(_FALSI_STEPS if len(new) else 0):
         value = height(new)
         same = np.sign(value) == np.sign(fb)
         a, fa = np.where(same, a, b), np.where(same, 0.5 * fa, fb)  # Illinois: half the value of a retained end.

@@ -28,6 +28,7 @@ from boomctl.analysis.sum_over_modes import Bounded
 from boomctl.arrays import Array, balance, blocks, scaled_to_one
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import (
+    RAISED,
     SEARCHED,
     Response,
     highest_peak,
@@ -45,7 +46,6 @@ from boomctl.lti.rounding import (
     DIGIT,
     EPS,
     EXACT_STATES,
-    ITERATIONS,
     LEVEL,
     SUMMED,
     TINY,
@@ -331,7 +331,7 @@ def level_norm(
         return NormBounds(0.0, 0.0, 0.0, NO_RESPONSE, verified=True)
     if not isfinite(value):
         return NormBounds(0.0, inf, at, UNDECIDED)
-    for _ in range(ITERATIONS):
+    for _ in range(RAISED):
         level = value * (1.0 + above)
         try:
             crossings, near = near_axis(hamiltonian_matrix(system, level))

@@ -30,7 +30,6 @@ from boomctl.checks import frequencies, no_signals, nonnegative, plain_array, wh
 from boomctl.lti.bilinear import continuous_image, omega_of_image
 from boomctl.lti.frequency import BEYOND, CURVE, DRAWN, Resonances, singular_values, smooth_curve
 from boomctl.lti.modal import boundary_sides, diagonalized, side_of_axis, sides
-from boomctl.lti.rounding import ITERATIONS
 from boomctl.lti.system import Lti, controller_of, of, series, static
 from boomctl.printing import count, listed
 from boomctl.threads import one_blas_thread
@@ -45,9 +44,11 @@ if TYPE_CHECKING:
 _STEP = np.deg2rad(30.0)
 # Largest distance of the value at a step's midpoint from the chord, relative to the smaller end value.
 _STRAIGHT = 0.2
+_HALVINGS = 40  # Largest number of halvings of a step; beyond it the loop has a pole on the axis.
 _SMALL = 0.5  # Loop gain that is regarded as below one at all higher frequencies.
 _DECADES = 2.0  # Range over which the loop gain must be below this value, in decades.
 _WIDER = 1.5  # Factor between two candidates for the first frequency of this range.
+_TRIES = 60  # Number of candidates: ten decades.
 _WHOLE = 1e-3  # Largest distance of the winding number from an integer.
 
 
@@ -208,7 +209,7 @@ def _gains(plant: Callable[[Array], control.FrequencyResponseData], K: Lti, omeg
 
 def _end(plant: Callable[[Array], control.FrequencyResponseData], controller: Lti, start: float) -> float:
     """Return a frequency above which the loop gain stays below one."""
-    for end in (start * _WIDER ** np.arange(ITERATIONS)).tolist():
+    for end in (start * _WIDER ** np.arange(_TRIES)).tolist():
         G, K = _gains(plant, controller, end * np.logspace(0.0, _DECADES, CURVE))
         # in the units of the controls, or in those of the measurements
         sizes = np.minimum(*(singular_values(L.transpose(1, 2, 0))[0] for L in (K @ G, G @ K)))
@@ -220,7 +221,7 @@ def _end(plant: Callable[[Array], control.FrequencyResponseData], controller: Lt
 def followed(difference: Callable[[Array], Array], grid: Array, limit: int) -> tuple[Array, Array]:
     """Return frequencies and a stack of ``I - G K``, so dense that the phase of the determinant is unique."""
     omega, values, open_ = grid, difference(grid), np.arange(len(grid) - 1)  # steps, by their first indices
-    for _ in range(ITERATIONS):
+    for _ in range(_HALVINGS):
         if not len(open_):
             return omega, values
         if len(omega) + len(open_) > limit:

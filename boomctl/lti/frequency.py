@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from boomctl.arrays import Array, squared
 from boomctl.lti.modal import UNDAMPED, ModalSystem
-from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, ITERATIONS, ROOT, SOLVED
+from boomctl.lti.rounding import ALIKE, CERTIFIED, EPS, ROOT, SOLVED
 from boomctl.lti.system import SLOWEST
 
 Response = Callable[[Array], Array]  # from frequencies (N,) to responses (outputs, inputs, N)
@@ -31,6 +31,7 @@ _REFINED = 3
 # search that is refined at the peaks.
 CURVE = 240
 SEARCHED = 60
+_STEPS = 12  # Limit on the Newton steps to a peak; typical are three or four.
 _TOPS = 3  # Iterations that refine a peak on a grid; each squares the relative error.
 _SMOOTH = 0.05  # Largest step of a Nyquist curve, as a fraction of its distance from zero plus one.
 _HALVINGS = 10  # Limit on the halvings of a step of a Nyquist curve: a narrow resonance is a circle of many steps.
@@ -38,6 +39,7 @@ MODES = 8  # Number of modes shown in a plot by default.
 # Limits of the plotted range, as multiples of the lowest and the highest of these frequencies: both sides of a peak.
 BELOW, ABOVE = 0.25, 1.5
 BEYOND = 100.0  # Range in which a loop is evaluated: this factor below the slowest pole and above the fastest.
+RAISED = 30  # Limit on the levels tested; each rises to a higher peak, so that a few suffice.
 # Lower limit of a plot without poles, as a fraction of half the sampling rate.
 _LOWEST_SHOWN = 0.1
 EMPTY = (0.1, 100.0)  # Plotted range of a system without dynamics [rad/s].
@@ -273,7 +275,7 @@ def _climbed(modes: ModalSystem, low: float, omega: float, high: float) -> tuple
     resonance.  Infinite where the sum is not finite.
     """
     peak, at = 0.0, omega
-    for _ in range(ITERATIONS):
+    for _ in range(_STEPS):
         factors = 1.0 / (1j * omega - modes.poles)
         G = (modes.C * factors) @ modes.B + modes.D
         if not np.isfinite(G).all():

@@ -19,10 +19,11 @@ from boomctl.exact_roots import UndecidedError
 from boomctl.lti.bilinear import image_of_omega
 from boomctl.lti.gramians import refined_gramian
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.rounding import ALIKE, CERTIFIED
+from boomctl.lti.rounding import CERTIFIED
 from boomctl.lti.system import Lti
 
 PRECISION = 128  # Bits: sums of products of doubles need twice the precision of a double.
+_REGULARIZED = 1e-9  # Fraction of |B|^2 added to all states so that the Gramian is positive definite.
 _CONDITION = 1e10  # Eigenvector condition above which Gramian coordinates are used: P would have no accuracy.
 _NEWTON_STEPS = 3  # Newton steps of a Riccati solution, in floats and in balls; each doubles the accuracy.
 _GAP_FRACTION = 0.2  # Largest fraction of the gap between peak and level for the terms added to the modes.
@@ -209,7 +210,7 @@ def _coordinates(system: Lti, peak: float) -> tuple[Array, Array]:
     if (rates > 0.0).all() and np.linalg.cond(T) < _CONDITION:
         return T * np.where(sizes > 0.0, sizes / np.sqrt(rates * peak), 1.0), rates
     n, size = len(system.A), float(np.linalg.norm(system.B)) ** 2
-    P = linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T - ALIKE * size * np.eye(n))
+    P = linalg.solve_continuous_lyapunov(system.A, -system.B @ system.B.T - _REGULARIZED * size * np.eye(n))
     L = np.linalg.cholesky(0.5 * (P + P.T))
     return L / np.sqrt(peak), np.full(n, 1e-3 * size / float(np.linalg.norm(P, 2)))
 

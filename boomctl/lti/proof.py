@@ -36,8 +36,9 @@ from boomctl.exact_roots import (
     rational_matrix,
 )
 from boomctl.lti.bilinear import image_of_omega, omega_of_image
+from boomctl.lti.frequency import RAISED
 from boomctl.lti.inequality import PRECISION, Inequality, enclosed_gain
-from boomctl.lti.rounding import EXACT_STATES, ITERATIONS, LEVEL, TINY
+from boomctl.lti.rounding import EXACT_STATES, LEVEL, TINY
 from boomctl.lti.system import Lti, System, closed, parallel
 
 _MOST_BITS = 2**15  # Limit on the precision of an enclosure [bits]; stored doubles need far less.
@@ -259,7 +260,7 @@ class Exact:
             (float(np.linalg.norm(through, 2)) * (1.0 - LEVEL), inf), *((below(self.gain(x)), x) for x in squares)
         )
         inside = 0.5 * (low + high) if high < inf else low + 1.0
-        for _ in range(ITERATIONS):
+        for _ in range(RAISED):
             level = max(peak * (1.0 + LEVEL), TINY)
             if not level < inf:  # larger than any float
                 raise UndecidedError

@@ -23,7 +23,6 @@ ALIKE = 1e-9  # Relative difference up to which numbers from data or an assembly
 DEPENDENT = 1e-10
 UNDERFLOW = 1e-150  # Numbers below it have squares that underflow; those of numbers above its inverse overflow.
 ROOT = 1e-7  # Square root of rounding, with a margin: perturbation of a double root, relative to the largest one.
-ITERATIONS = 100  # Limit of iterations that end by themselves in far fewer.
 
 # Number of states up to which exact polynomials are used where an inequality does not decide; larger systems take too long.
 EXACT_STATES = 40

@@ -20,11 +20,14 @@ from scipy import linalg
 from boomctl.arrays import Array, balance
 from boomctl.checks import warn_user
 from boomctl.exceptions import WindupWarning
-from boomctl.lti.rounding import DEPENDENT, EPS, ITERATIONS, LEVEL, SUMMED
+from boomctl.lti.rounding import EPS, LEVEL, SUMMED
 from boomctl.lti.system import Lti
 
+# Relative noise added to all signals, so that the Riccati equation is solvable; too small to affect the gain.
+_REGULAR = 1e-10
 _WEAK = 1e8  # Softening of controls without limits: they count only for modes that no other control shows.
 _FOLLOWED = 2  # Most controls with a rate limit only for which boundedness is proved: see above.
+_DOUBLINGS = 40  # Doublings of the number of powers in a sum: a pole at 1 - 1e-10 has decayed by then.
 
 
 def correction(laws: Sequence[Lti], force: Array, rate: Array) -> Array:
@@ -123,9 +126,9 @@ def _kalman_gain(K: Lti, limited: Array, softening: float) -> Array:
         C, D = K.C * moved / size[:, None], K.D / size[:, None]
     if not all(np.isfinite(item).all() for item in (A, B, C, D)):
         return np.full((n, u), np.nan)
-    soft = np.where(limited, softening + DEPENDENT, _WEAK * (softening + 1.0))
+    soft = np.where(limited, softening + _REGULAR, _WEAK * (softening + 1.0))
     R, Q, S = D @ D.T + np.diag(soft), B @ B.T, B @ D.T
-    Q = Q + DEPENDENT * np.linalg.norm(Q) * np.eye(n)
+    Q = Q + _REGULAR * np.linalg.norm(Q) * np.eye(n)
     try:
         with np.errstate(all="ignore"):  # states of very different magnitude
             P = linalg.solve_discrete_are(A.T, C.T, Q, R, s=S)
@@ -197,7 +200,7 @@ def _lyapunov_matrix(V: Array) -> Array | None:
     power, scale = balance(V)
     P = np.eye(len(V))
     with np.errstate(all="ignore"):
-        for _ in range(ITERATIONS):
+        for _ in range(_DOUBLINGS):
             P, power = P + power.T @ P @ power, power @ power
             if not np.isfinite(P).all():
                 return None

@@ -11,12 +11,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ALIKE, ITERATIONS, SUMMED
+from boomctl.lti.rounding import ALIKE, SUMMED
 from boomctl.slew.end_map import CHORDS, MOST_STEPS, STEP_FRACTION, EndMap, Steps, end_map
 from boomctl.slew.linear import Clipped, clipped, least_effort
 from boomctl.slew.problem import RTOL, Limits, SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
+_TURNS = 20  # Gauss-Newton iterations at most
+_EXCHANGES = 100  # exchanges of the active set at most; 3 to 12 are usual
 _CLOSED = 1e-3  # residual of the scaled terminal conditions at which they end, as a fraction of the tolerance
 
 
@@ -43,7 +45,7 @@ class _Local:
         Local maxima above a limit enter the active set, nodes whose multiplier has the wrong sign leave it, all at once.
         None if this does not converge, or not to the target.
         """
-        for _ in range(ITERATIONS):
+        for _ in range(_EXCHANGES):
             at = np.nonzero(met)
             rows, wanted = self.P[at], met[at] * self.most[at[0]] - self.rest[at]
             result = clipped(np.vstack([self.G, rows]), np.concatenate([self.d, wanted]), limit)
@@ -98,7 +100,7 @@ class _Mesh:
     def best(self, u: Array, met: Array, parts: int) -> tuple[_Local, Clipped, Array] | None:
         """Return the stationary torques with their linearization and active set; None if the iteration does not converge."""
         size = np.inf
-        for _ in range(ITERATIONS):
+        for _ in range(_TURNS):
             local = self.about(u, parts)
             answer = local.solve(self.limit, met) if np.isfinite(local.G).all() else None
             if answer is None:

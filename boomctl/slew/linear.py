@@ -7,10 +7,11 @@ import numpy as np
 from boomctl.arrays import Array
 from boomctl.gauss import gauss_method
 from boomctl.lti.hold import observability, recursion, zero_order_hold
-from boomctl.lti.rounding import ITERATIONS, SOLVED, SUMMED
+from boomctl.lti.rounding import SOLVED, SUMMED
 from boomctl.slew.problem import SlewProblem
 from boomctl.slew.torque import TorqueProfile, held
 
+_NEWTON = 60  # damped Newton steps on the dual at most
 _ARMIJO = 1e-4  # accept a Newton step if the decrease is at least this fraction of the predicted one
 _NEARER = 0.5  # accept a full Newton step without line search if it reduces the residual by this factor
 _SHORTEST = 1e-6  # smallest damping factor of a Newton step; below it the torque limit is too low for the time
@@ -105,7 +106,7 @@ def clipped(G: Array, d: Array, limit: float | Array, first: Array | None = None
         return u, defect, float(np.abs(defect).max() / np.abs(wanted).max())
 
     u, defect, residual = missing(c)
-    for _ in range(ITERATIONS):
+    for _ in range(_NEWTON):
         if residual <= SOLVED:  # relative residual at rounding level
             break
         inner = rows[:, np.abs(u) < limit]

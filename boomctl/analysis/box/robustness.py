@@ -12,7 +12,6 @@ from boomctl.analysis.box.points import listed_values, pattern_search
 from boomctl.analysis.box.prove import COST_RATIO, Statement, prove_box
 from boomctl.analysis.box.scheduled import ScheduledController
 from boomctl.checks import positive, whole
-from boomctl.lti.rounding import ITERATIONS
 from boomctl.lti.system import Lti, of
 from boomctl.printing import count, sentence
 from boomctl.progress import Listener, computing, tell
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
 
 _CELLS = 500  # Largest number of cells of a proof: seconds to a minute.
 _MARGIN_CELLS = 100  # Largest number of cells of each proof of a margin.
+_PROOFS = 24  # Largest number of proofs of a margin: enough for a relative gap of 1e-5.
 
 
 @dataclass(frozen=True)
@@ -305,7 +305,7 @@ def robust_stability_margin(
     # Factors: largest proved, smallest unproved, largest without a known instability, smallest with one.
     good, ceiling, calm, bad, where, factor = 0.0, top, 0.0, inf, None, top
     with computing("structured margin", progress):
-        for _ in range(ITERATIONS):
+        for _ in range(_PROOFS):
             result = robust_stability(_enlarged(family, factor), controller, limit, delay=delay)
             if result.destabilizing_values is None:
                 calm = max(calm, factor)

@@ -8,11 +8,11 @@ from scipy.optimize import linprog
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
-from boomctl.lti.rounding import ITERATIONS
 from boomctl.slew.end_map import EndMap, Steps
 from boomctl.slew.problem import AT_LIMIT
 from boomctl.slew.torque import TorqueProfile, held
 
+_TURNS = 25  # linear programs at most
 _FARTHEST = 0.05  # trust region: largest relative change of the duration by one linear program
 _PENALTY = 100.0  # penalty of a scaled terminal residual, relative to that of a relative change of the duration
 _STEP = 1.5  # largest phase of the fastest mode in a step [rad]: coarser than for the final durations
@@ -29,7 +29,7 @@ def counted(ends: EndMap, first: TorqueProfile, intervals: int) -> TorqueProfile
     duration, limit = first.duration, ends.problem.limits.torque
     values = first.interval_means(np.linspace(0.0, duration, intervals + 1)) / limit
     parts = max(1, int(np.ceil(duration * ends.step_frequency / intervals / _STEP)))
-    for _ in range(ITERATIONS):
+    for _ in range(_TURNS):
         ends.problem.deadline.check(f"counting arcs on {intervals} intervals")
         count = intervals * parts
         steps = Steps(np.repeat(values * limit, parts), np.full(count, duration / count), np.zeros((count, 0)))

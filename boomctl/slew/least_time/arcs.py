@@ -12,7 +12,7 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
-from boomctl.lti.rounding import ITERATIONS, SUMMED
+from boomctl.lti.rounding import SUMMED
 from boomctl.slew.end_map import CHORDS, MOST_STEPS, STEP_FRACTION, EndMap, end_map
 from boomctl.slew.least_time.arc_count import counted
 from boomctl.slew.problem import SlewProblem
@@ -20,6 +20,7 @@ from boomctl.slew.replay import Candidate
 from boomctl.slew.torque import TorqueProfile, bang_bang, held
 
 _GRIDS = (200, 600)  # intervals on which arcs are counted; the finer grid if the switching function has a wrong sign
+_NEWTON = 40  # Newton steps at most
 _EMPTY = 3e-6  # fraction of the duration below which an arc is removed; _SETTLED if the end conditions require it
 _FOURTH_ORDER = 15.0  # 2^4 - 1: ratio of the change of the end by halved steps to their remaining error
 _SERVES = 0.2  # ratio of successive moves below which the Hessian is reused
@@ -160,7 +161,7 @@ def _newton(ends: EndMap, arcs: _Arcs, counts: Array) -> _Arcs | None:
     The Hessian is reused while the moves shrink fast enough.
     """
     size, before, total, count = np.inf, np.inf, float(arcs.durations.sum()), arcs.durations.size
-    for _ in range(ITERATIONS):
+    for _ in range(_NEWTON):
         ends.problem.deadline.check(f"durations of {count} arcs in {counts.sum()} steps", total)
         reached = ends.sensitivity(ends.steps(arcs.sign, arcs.durations, counts))
         defect, slope = reached.end - ends.target, reached.by_duration

@@ -19,7 +19,7 @@ from scipy.optimize import brentq, linprog
 
 from boomctl.arrays import Array
 from boomctl.exceptions import SlewError
-from boomctl.lti.rounding import ITERATIONS, ROOT
+from boomctl.lti.rounding import ROOT
 from boomctl.slew.linear import flow
 from boomctl.slew.problem import RTOL, SlewProblem
 from boomctl.slew.torque import TorqueProfile, bang_bang
@@ -28,11 +28,13 @@ _GRIDS = (200, 600, 2000, 6000)  # intervals; the next finer grid if Newton's me
 _BLIND = 3.0  # phase of the fastest vibration in an interval above which a grid does not resolve it [rad]
 _LIMIT_FACTORS = (0.999, 1.001, 0.99, 1.01)  # factors of the torque limit for other starts of Newton's method
 _HOPELESS = 1e9  # torque over its limit above which a duration counts as infeasible
+_SECANTS = 12  # secant steps at most until the least peak on a grid is about the limit; about five are usual
 _CAREFUL = 0.05  # step of log(time), if more time may be infeasible
 _FAR = 20.0  # range of log(time) of that search: the guess may be far below the least time
 _ROUGHLY = 1e-3  # tolerance of log(peak), enough for Newton's method: a fifth of an interval of the grid
 _REWEIGHTED = 20  # reweighted least-squares iterations for a duration; weights carry over to the next duration
 _THIN = 1e-6  # fraction of the largest |G^T y| below which weights are bounded
+_NEWTON = 60  # Newton steps at most; it is damped and slow near a change of the number of arcs
 _CONVERGED, _ROUNDED = 1e-9, 1e-11  # last step of a time over the duration: to accept the result; to stop at once
 _SHORTEST = 1e-4  # smallest damping factor of a Newton step; below it switching times cross
 _SAMPLES = 4000  # times at which the signs of torque and switching function are compared
@@ -138,7 +140,7 @@ def _on_grid(problem: SlewProblem, guess: float, intervals: int, least_sum: _Lea
     """
     logarithms, peaks, weights = [math.log(guess)], [], np.ones(intervals)
     # where more time may be infeasible, the least time is approached from below
-    longest, tries = (1.0, ITERATIONS) if problem.can_wait else (_CAREFUL, int(_FAR / _CAREFUL))
+    longest, tries = (1.0, _SECANTS) if problem.can_wait else (_CAREFUL, int(_FAR / _CAREFUL))
     while len(peaks) < tries:
         problem.deadline.check(f"switching times of the linear part on {intervals} intervals")
         duration = math.exp(logarithms[-1])
@@ -304,7 +306,7 @@ def _newton(problem: SlewProblem, first: Extremal) -> Extremal | None:
     weights = np.linalg.lstsq(ends.T, first.costate, rcond=None)[0]
     best, size, error = None, np.inf, np.inf
     reached = max(float(np.abs(ends @ problem.target).max()), float(np.abs(ends @ problem.start).max()))
-    for _ in range(ITERATIONS):
+    for _ in range(_NEWTON):
         problem.deadline.check(f"{result.switches.size} switching times of the linear part", result.duration)
         residual, slope = _conditions(problem, result, weights)
         move = _least_squares(slope, -residual, 1e-14)

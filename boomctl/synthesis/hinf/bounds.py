@@ -19,7 +19,7 @@ from boomctl.arrays import Array, blocks
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.frequency import SEARCHED, confirmed_peak, highest_peak, resonance_grid, singular_values
 from boomctl.lti.modal import partial_fractions
-from boomctl.lti.rounding import ALIKE, ITERATIONS, LEVEL, TINY
+from boomctl.lti.rounding import ALIKE, LEVEL, TINY
 from boomctl.lti.system import Lti, lower_lft, static
 from boomctl.printing import compact
 from boomctl.progress import Deadline
@@ -30,7 +30,9 @@ FIRST_LEVEL = 0.95  # Excess of the first level over the lower bound, relative t
 _SEARCH_RTOL = 0.25  # Accuracy of the lowest level, relative to rtol.
 _SECANT_MARGIN = 0.5  # Excess of a level over the secant, relative to rtol and slope, so that it is reached.
 _FIRST_GROWTH, _MAX_GROWTH = 1.1, 1e10  # Growth of the first levels, squared with each one that is not reached.
+_MAX_LEVELS = 80  # Every fourth one halves the interval; 20 halvings reduce a ratio of 1e9 to 1 + 2e-5.
 _COUPLED_RTOL = 1e-3  # Excess of the next level over the radius of one that only the coupling excludes.
+_INDEFINITE_RTOL = 1e-8  # A negative eigenvalue of X below this fraction of the largest one is rounding error.
 _ZERO_LEVEL = 1e-8  # A level below this fraction of the gain of the plant is zero.
 # Least ratio of the singular values of I + D_K D22. The loop of the central controller loses three digits below it.
 _MIN_WELL_POSEDNESS = 1e-3
@@ -93,7 +95,7 @@ def level_of(ready: NormalizedPlant, gamma: float) -> Level:
         solution = even(solution)
         values = np.linalg.eigvalsh(solution) if len(solution) else np.zeros(1)
         negligible = ALIKE * np.linalg.norm(F) / np.linalg.norm(G) if G.any() else TINY  # Its gain does not change F.
-        if values[0] < -max(_ZERO_LEVEL * np.abs(values[[0, -1]]).max(), negligible):
+        if values[0] < -max(_INDEFINITE_RTOL * np.abs(values[[0, -1]]).max(), negligible):
             reason = f"the solution {name} of the {case} Riccati equation is not positive semidefinite"
             return Level(gamma, reason, lower_bound=gamma if np.isfinite(gamma) else 0.0)
         solutions.append(solution)
@@ -260,7 +262,7 @@ def _bisected(
     low, high, levels = max(frequency, relaxed.radius), np.inf, [relaxed]
     base, growth = low or size, _FIRST_GROWTH
     gamma = base * (1.0 + FIRST_LEVEL * rtol)
-    while len(levels) <= ITERATIONS:
+    while len(levels) <= _MAX_LEVELS:
         deadline.check("searching for the lowest level")
         level = level_of(ready, gamma)
         levels.append(level)

@@ -21,16 +21,19 @@ from boomctl.arrays import Array, balance
 from boomctl.exceptions import SynthesisError
 from boomctl.lti.gramians import square_root
 from boomctl.lti.modal import sides
-from boomctl.lti.rounding import EPS, ITERATIONS, LEVEL, SUMMED, TINY
+from boomctl.lti.rounding import EPS, LEVEL, SUMMED, TINY
 from boomctl.lti.system import rates_of, signal_scales
 from boomctl.printing import compact
 
 _MAX_CONDITION = 1e10  # Of the eigenvectors; modal coordinates of worse ones leave too few digits for Newton's method.
 _LEAST_COUPLING = 1e-24  # Of a mode, relative to the largest one, so that scales are within 1e6.
+# Newton steps. Four yield all digits from one; before that, each reduces the excess of the cost by three quarters.
+_MAX_STEPS = 40
 _NEAR = 0.5  # Cost error below which Newton's method converges quadratically.
 _SOLVED = 1e-8  # Newton's method ends at this fraction of the largest errors of a certificate.
 MAX_COST_ERROR = 1e-4  # Of a certified solution, relative to the cost.
 _MAX_EXTENDED = 300  # States up to which residuals are computed in extended precision, which takes seconds beyond.
+_MAX_DOUBLINGS = 64  # A pole within one ulp of the unit circle has decayed after 57.
 
 
 @dataclass(frozen=True)
@@ -230,7 +233,7 @@ def _refined(problem: RiccatiProblem, X: Array, newton: Newton) -> RiccatiSoluti
     """Return a solution after as many Newton steps as improve it; it is exactly zero for states without a cost."""
     costly = np.outer(problem.costly, problem.costly)
     best, step = _assessed(problem, X * costly, newton)
-    for _ in range(ITERATIONS):
+    for _ in range(_MAX_STEPS):
         if step is None or best.relative_error <= _SOLVED:
             break
         result, step = _assessed(problem, even(best.X + step) * costly, newton)
@@ -285,7 +288,7 @@ def _by_doubling(p: RiccatiProblem) -> Array:
     """Return the cost of two, four, eight and more steps; modes without weight are not stabilized."""
     A, acting, H = p.shifted
     G, one = acting @ acting.T, np.eye(len(A))
-    for _ in range(ITERATIONS):
+    for _ in range(_MAX_DOUBLINGS):
         solved = np.linalg.solve(one + G @ H, np.hstack([A, G]))
         onward, spread = solved[:, : len(A)], solved[:, len(A) :]
         more = A.T @ H @ onward
@@ -304,7 +307,7 @@ def _discrete_step(closed: Array, residual: Array) -> Array:
 def _summed(A: Array, R: Array) -> Array:
     """Return ``R + A^T R A + A^T^2 R A^2 + ...`` for stable ``A``, doubling the number of terms (Smith 1968)."""
     total, power = R, A
-    for _ in range(ITERATIONS):
+    for _ in range(_MAX_DOUBLINGS):
         more = power.T @ total @ power
         total, power = total + more, power @ power
         if np.abs(more).max() <= EPS * np.abs(total).max():

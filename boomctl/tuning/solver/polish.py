@@ -13,7 +13,7 @@ from scipy.linalg import lapack
 from scipy.optimize import nnls
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import ITERATIONS, SUMMED, TINY
+from boomctl.lti.rounding import SUMMED, TINY
 from boomctl.tuning.point import PEAK_RTOL, ActiveFunction, Height, Point
 from boomctl.tuning.problem import GAIN_LIMIT
 from boomctl.tuning.responses import WINDOW, same_frequency
@@ -35,6 +35,7 @@ _DAMPING, _LEAST, _LARGEST = (
 _SHORTER = 3.0
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
+_ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
 # regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
 _CURVED = 1e-2
 _ENOUGH = 1e-11  # gradient residual, relative to the costs, at which a quadratic program ends
@@ -304,7 +305,7 @@ def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
         return y, z
     rows, end = np.zeros((n + 1, m)), np.zeros(n + 1)
     rows[:n], end[n] = -lapack.dtrtrs(root, G.T, lower=1)[0], 1.0
-    for _ in range(ITERATIONS):
+    for _ in range(_ROUNDS):
         free = lapack.dtrtrs(root, -(H @ y + c), lower=1)[0]  # the step without rows
         rows[n] = G @ y - h - free @ rows[:n]
         if not np.isfinite(rows).all():
