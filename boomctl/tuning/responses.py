@@ -130,8 +130,7 @@ class Response:
 
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""
-        with np.errstate(all="ignore"):
-            result = _largest(self.response(omega))
+        result = _largest(self.response(omega))
         return np.where(np.isfinite(result), result, np.inf)
 
     @cached_property

@@ -10,11 +10,9 @@ from boomctl.arrays import Array
 from boomctl.lti.rounding import ALIKE, COMPUTED
 
 _FALL, _TURN = 1e-4, 0.5  # constants of the weak Wolfe conditions: decrease and curvature
-_TRIALS = 30  # evaluations of a line search: the step is then accurate to 1e-9
+_TRIALS = 30  # evaluations of a line search: the step is then accurate to 1e-9, and at a kink nothing ends it earlier
 _LITTLE = 1e-3  # smallest predicted decrease of a step, as a fraction of ``gain``
 _STALLED = 10  # steps whose total decrease is compared with ``gain``
-
-_TRIALS = 30  # evaluations of a line search: at a kink no step ends it earlier
 
 Function = Callable[[Array], tuple[float, Callable[[], Array]]]
 

@@ -34,6 +34,8 @@ _DAMPING, _LEAST, _LARGEST = (
 # smallest next damping after a step to unstable loops, over the curvature along it: shortens the step to a quarter
 _SHORTER = 3.0
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
+# softness of the constraints for the multipliers of the curvature: nearly equal functions share them
+_SHARED = 1e-7
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
 _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
 # regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
@@ -75,7 +77,8 @@ class Polish:
             if not functions:  # the norm is zero
                 return Ended(self._point.x, value, k, stationary=True)
             self._sizes = _sizes(functions, self._H)
-            self._H = _curvature(self._point, functions, self._step(functions, value)[2], self._sizes)
+            multipliers = self._step(functions, value, _SHARED)[2]
+            self._H = _curvature(self._point, functions, multipliers, self._sizes)
             self._sizes = _sizes(functions, self._H)
             for trial in range(_TRIALS):
                 d, predicted, _ = self._step(functions, value)
@@ -121,7 +124,7 @@ class Polish:
             there, result = further, lower
         return there, result
 
-    def _step(self, functions: list[ActiveFunction], value: float) -> tuple[Array, float, Array]:
+    def _step(self, functions: list[ActiveFunction], value: float, softness: float = 0.0) -> tuple[Array, float, Array]:
         """Return the step of a quadratic program, its predicted decrease, and the multipliers of the active functions."""
         x, problem, root = self._point.x, self._point.problem, np.sqrt(self._sizes)  # steps count in natural sizes
         values, gradients = np.array([p.value for p in functions]), np.array([p.gradient for p in functions]) / root
@@ -137,7 +140,7 @@ class Polish:
         up, down = np.maximum((problem.high - x) * root, 0.0), np.maximum((x - problem.low) * root, 0.0)
         rows = np.vstack([rows, -unit[n + 1 :], unit[:n], -unit[:n]])
         sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up, down])
-        y, z = least(Q, c, rows, sides)
+        y, z = least(Q, c, rows, sides, softness)
         there = values + gradients @ y[:n]
         merit = float(there[~limits].max()) + self._weight * float(there[limits].max(initial=0.0))
         return y[:n] / root, value - merit - 0.5 * float(y[:n] @ curved @ y[:n]), z[:count]
@@ -152,11 +155,12 @@ def _sizes(functions: list[ActiveFunction], H: Array) -> Array:
 def _curvature(point: Point, functions: list[ActiveFunction], multipliers: Array, sizes: Array) -> Array:
     """Return the Hessian of the Lagrangian with negative eigenvalues reversed, so that steps leave saddle points."""
     n = len(point.x)
-    H, moved = np.zeros((n, n)), [point.with_parameters(point.x + step) for step in _LITTLE * np.eye(n)]
+    H = np.zeros((n, n))
     for multiplier, function in zip(multipliers, functions, strict=True):
         if multiplier <= _ACTIVE or function.channel < GAIN_LIMIT or not function.top:
             continue
         if np.isnan(function.omega):  # H2 norm: finite differences of its gradient
+            moved = [point.with_parameters(point.x + step) for step in _LITTLE * np.eye(n)]
             there = [
                 item.h2(function.model, function.channel)[1] if item.stable else function.gradient for item in moved
             ]
@@ -286,7 +290,7 @@ def stationarity(functions: list[ActiveFunction], point: Point, low: Array, high
     return float(np.linalg.norm(y[:n]))
 
 
-def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
+def least(H: Array, c: Array, G: Array, h: Array, softness: float = 0.0) -> tuple[Array, Array]:
     """Minimize ``1/2 y^T H y + c^T y`` subject to ``G y <= h``; return ``y`` and the multipliers of the rows of ``G``.
 
     In coordinates with unit Hessian, this is the projection of the unconstrained minimum on a polyhedron: the multipliers
@@ -294,6 +298,7 @@ def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
     (proximal iteration) until the step vanishes.
 
     ``H`` is positive definite except for variables without any curvature, which rows bound.  The problem must be feasible.
+    Rows of unit length are exceeded by ``softness`` times their multipliers.
     """
     n, m = len(c), len(h)
     size = np.sqrt((G * G).sum(axis=1))
@@ -303,8 +308,10 @@ def least(H: Array, c: Array, G: Array, h: Array) -> tuple[Array, Array]:
     root, wrong = lapack.dpotrf(H + np.diag(lent), lower=1)
     if wrong:
         return y, z
-    rows, end = np.zeros((n + 1, m)), np.zeros(n + 1)
-    rows[:n], end[n] = -lapack.dtrtrs(root, G.T, lower=1)[0], 1.0
+    soft = softness**0.5 * np.eye(m if softness else 0, m)
+    rows = np.concatenate([-lapack.dtrtrs(root, G.T, lower=1)[0], np.zeros((1, m)), soft])
+    end = np.zeros(len(rows))
+    end[n] = 1.0
     for _ in range(_ROUNDS):
         free = lapack.dtrtrs(root, -(H @ y + c), lower=1)[0]  # the step without rows
         rows[n] = G @ y - h - free @ rows[:n]
