@@ -2,7 +2,8 @@
 
 From call to result: ``Record.of`` checks the record, ``Spectra.of_record`` transforms it, ``search_poles`` starts from common
 denominators (``poles_by_order``) and fits poles and residues (``CommonPoles``, ``fitted``); ``_validated`` tests the fit on
-other data, ``refine`` and ``settled`` repeat it on all data, ``deviations`` gives the intervals, and ``RankOne`` the system.
+other data, ``refine``, ``settled`` and ``unbiased`` repeat it on all data, ``deviations`` gives the intervals, and
+``RankOne`` the system.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,7 +22,7 @@ from boomctl.identification.intervals import confident
 from boomctl.identification.modal.common_poles import CommonPoles
 from boomctl.identification.modal.jackknife import BLOCKS, deviations
 from boomctl.identification.modal.realized import RankOne
-from boomctl.identification.modal.search import Band, refine, search_poles, settled, weakest, without
+from boomctl.identification.modal.search import Band, refine, search_poles, settled, unbiased, weakest, without
 from boomctl.identification.modal.spectra import FEWEST, Spectra, complex_of, rms
 from boomctl.identification.modal.start import Track
 from boomctl.identification.record import EXCITED, QUANTITIES, Record, band, quantities
@@ -406,8 +407,9 @@ def identify(
     from an estimated initial state.  Then the model is fitted to the full record and exported.
 
     Confidence intervals come from a jackknife over blocks with equal information, so that they also hold for colored
-    errors.  They do not include the bias by strong modes just outside the band: choose a band that includes these, or ends
-    well below them.  Prediction intervals come from a jackknife over four long parts of the record or over several records:
+    errors.  Strong modes just outside the band do not bias the poles of a record: these are fitted with more pairs outside
+    the band than the system has.  For a measured frequency response choose a band that includes such modes, or ends well
+    below them.  Prediction intervals come from a jackknife over four long parts of the record or over several records:
     they include changes of the structure with time and level.
 
     Examples
@@ -463,14 +465,16 @@ def identify(
         fit, unresolved = refine(replace(fit, data=trial.complete.scaled(scale)), trial.band)
         fit = settled(fit, trial.band)
     fit, number = _modes_first(fit, trial, wanted)
+    wide = unbiased(fit, trial.band)
+    fit = fit if wide is fit else replace(wide, fixed=fit.fixed)
     if (trial.tested.output_rms > _QUIET * trial.data.output_rms).any():  # not the end of the motion after an impact
         _check_fit(percent, trial.outputs)
     if trial.data.lengths:
         _warn_of_feedback(fit)
     parts = max(len(fit.data.lengths), _PARTS)
     tail = 0.5 + 0.5 * level
-    of_mean = special.stdtrit(BLOCKS - 1, tail) * deviations(fit)
-    of_part = special.stdtrit(parts - 1, tail) * np.sqrt(parts + 1.0) * deviations(fit, parts)
+    of_mean = special.stdtrit(BLOCKS - 1, tail) * deviations(wide)
+    of_part = special.stdtrit(parts - 1, tail) * np.sqrt(parts + 1.0) * deviations(wide, parts)
     # another record is at least as uncertain
     steps = np.stack([of_mean, np.maximum(of_part, np.sqrt(2.0) * of_mean)], axis=1)
     simple, energy = RankOne.of(fit), fit.energy_fractions / fit.energy_fractions.sum()

@@ -294,6 +294,36 @@ def test_identify_intervals_of_random_systems():
     assert false <= 0.05 * len(seeds)
 
 
+def record_with_modes_outside(seed, band, outside):
+    """Return inputs, outputs and poles in the band of a structure that has modes of equal strength outside it."""
+    rng, count, quantity = np.random.default_rng(seed), 5000, seed % 3
+    hz = np.linspace(*band, 5)[:4] + rng.uniform(1.0, 6.0, 4)
+    hz = np.r_[hz, [rng.uniform(*ends) for ends in outside]]
+    damping = 10.0 ** rng.uniform(-2.5, -1.5, len(hz))
+    poles = 2.0 * np.pi * hz * (-damping + 1j * np.sqrt(1.0 - damping**2))
+    b, c = rng.standard_normal((len(hz), 1 + seed % 2)), rng.standard_normal((len(hz), 3))
+    s = 2j * np.pi * np.fft.rfftfreq(2 * count, 0.01)[:, None]
+    U = np.fft.rfft(rng.standard_normal((2 * count, b.shape[1])), axis=0) * (s.imag < 2.0 * np.pi * 48.0)
+    modal = np.abs(poles) ** (2 - quantity) * s**quantity / ((s - poles) * (s - poles.conj()))
+    u, y = (np.fft.irfft(each, axis=0)[count:] for each in (U, (modal * (U @ b.T)) @ c))
+    return u, y + 0.03 * y.std(axis=0) * rng.standard_normal(y.shape), poles[:4]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("outside", [[(30.6, 38.0)], [(1.0, 1.95)], [(30.6, 38.0), (1.0, 1.95)]])
+def test_identify_intervals_with_strong_modes_just_outside_the_band(outside):
+    held, band = [], (2.0, 30.0)
+    for seed in range(40):
+        u, y, poles = record_with_modes_outside(seed, band, outside)
+        quantity = ("displacement", "velocity", "acceleration")[seed % 3]
+        found = bc.identify(u, y, 0.01, frequency_range_hz=band, quantity=quantity, intersample="bl")
+        for pole in poles:
+            mode = min(found.modes, key=lambda each: abs(each.frequency_hz - pole.imag / (2.0 * np.pi)))
+            (low, high), (least, most) = mode.frequency_interval_hz, mode.damping_ratio_interval
+            held.append([low <= pole.imag / (2.0 * np.pi) <= high, least <= -pole.real / abs(pole) <= most])
+    assert (np.mean(held, axis=0) > 0.92).all()  # of 160, with 95 % expected
+
+
 @pytest.mark.slow
 def test_what_has_no_modes_is_said_in_one_line(chain):
     _, u, y, _ = chain
