@@ -13,7 +13,7 @@ from boomctl.identification import MeasuredFrequencyResponse
 from boomctl.identification.modal.common_poles import CommonPoles, fitted
 from boomctl.identification.modal.spectra import Spectra
 from boomctl.identification.record import Record
-from boomctl.lab.benchmark.scenes.identification import BAND, frame_record
+from boomctl.lab.benchmark.scenes.identification import BAND, frame_records
 from boomctl.lab.benchmark.scenes.identification import STEP as STEP_OF_FRAME
 from boomctl.structure import SecondOrderModel
 from tests.identification.chain import response_of_record, three_masses
@@ -368,7 +368,7 @@ def test_the_picture_shows_modes_and_what_is_not_predicted(chain):
 @pytest.mark.slow
 def test_a_frame_of_28_accelerometers():
     """16 modes up to 490 Hz, 8,523 samples, 3 % errors: no mode more, none less, each output predicted to 94 %."""
-    u, y, poles = frame_record(28)
+    u, (y, *_), poles = frame_records(28)
     found = bc.identify(u, y, STEP_OF_FRAME, frequency_range_hz=BAND, quantity="acceleration")
     frequencies, dampings = errors_of(found, poles)
     assert frequencies.max() < 1e-3
