@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike
 from boomctl.arrays import Array
 from boomctl.checks import MOST, positive, whole
 from boomctl.exceptions import AccuracyWarning
-from boomctl.identification.certificate import FitCertificate, lack_of_fit, minimum
+from boomctl.identification.fit_certificate import FitCertificate, lack_of_fit, minimum
+from boomctl.identification.fit_result import FitResult
 from boomctl.identification.free import FreeParameters, function_of_parameters
 from boomctl.identification.identifiability import STEP, IdentifiedSubspace, differences, jacobian
 from boomctl.identification.intervals import Spread, confident, limits, of_residuals, of_sets
 from boomctl.identification.measured import BOUNDED, Measured, answered
-from boomctl.identification.result import FitResult
 from boomctl.lti.rounding import ALIKE, LEVEL
 from boomctl.progress import Deadline, Listener, computing, tell
 from boomctl.structure.families import Family

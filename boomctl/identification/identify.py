@@ -446,15 +446,15 @@ def identify(
         )
     if is_response and record is not None:
         low, high = (source.omega[[0, -1]] / (2.0 * np.pi)).tolist()
-        ends_hz = band((low, high) if frequency_range_hz is None else frequency_range_hz, high)
+        band_hz = band((low, high) if frequency_range_hz is None else frequency_range_hz, high)
         kinds = record.quantity if quantity is None else quantities(quantity, record.outputs)
-        trials = [_of_record(replace(record, quantity=kinds), ends_hz, 0.0, rigid)]
+        trials = [_of_record(replace(record, quantity=kinds), band_hz, 0.0, rigid)]
     elif is_response:
         trials = _of_response(source, frequency_range_hz, quantity, error_model, rigid)
     else:
         record = Record.of(inputs, outputs, sample_time, "displacement" if quantity is None else quantity, intersample)
-        ends_hz = _band(record, frequency_range_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
-        trials = [_of_record(with_intersample(record, ends_hz[1]), ends_hz, back, rigid)]
+        band_hz = _band(record, frequency_range_hz, FEWEST * len(record.inputs) / min(1.0 - back, back or 1.0))
+        trials = [_of_record(with_intersample(record, band_hz[1]), band_hz, back, rigid)]
     searches = [(search_poles(trial.data, trial.band, highest), trial) for trial in trials]
     (fit, unresolved, chains, by_order), trial = (
         max(searches, key=lambda search: _likelihood(search[0][0])) if len(searches) > 1 else searches[0]
@@ -540,9 +540,9 @@ class _Trial:
         )
 
 
-def _of_record(record: Record, ends_hz: tuple[float, float], back: float, rigid: int | None) -> _Trial:
+def _of_record(record: Record, band_hz: tuple[float, float], back: float, rigid: int | None) -> _Trial:
     """Return the spectra of a record and of the part that is held back for validation: whole records, of three and more."""
-    low, high = ends_hz
+    low, high = band_hz
     every = Spectra.of_record(record, low, high)
     size = rms(every.U)
     alike = (every.U / size).conj().T @ (every.U / size) / len(every.U)
@@ -563,7 +563,7 @@ def _of_record(record: Record, ends_hz: tuple[float, float], back: float, rigid:
         data, tested = (Spectra.of_record(part, low, high) for part in parts)
         end = f"model validated by simulation of {held}, then refitted to the full record"
     source = f"intervals from {BLOCKS} blocks; {end}"
-    return _Trial(data, tested, every, record.inputs, record.outputs, record.quantity, ends_hz, rigid, source)
+    return _Trial(data, tested, every, record.inputs, record.outputs, record.quantity, band_hz, rigid, source)
 
 
 def _of_response(
@@ -572,7 +572,7 @@ def _of_response(
     """Return a measured response with errors of each possible kind, up to a factor for each output."""
     response = _merged(response)
     signals = tuple(response.input_labels), tuple(response.output_labels)
-    ends_hz = band(frequency_range_hz, float(response.omega[-1]) / (2.0 * np.pi))
+    band_hz = band(frequency_range_hz, float(response.omega[-1]) / (2.0 * np.pi))
     stated = getattr(response, "quantity", ("displacement",) * len(signals[1]))
     kinds = stated if quantity is None else quantities(quantity, signals[1])
     source = f"intervals from {BLOCKS} groups of frequencies, validated on all of them"
@@ -586,8 +586,8 @@ def _of_response(
         sizes = {f"{source}; errors assumed {name}": models[name] for name in chosen}
     trials = []
     for words, size in sizes.items():
-        data = Spectra.of_response(response, *ends_hz, size)
-        trials.append(_Trial(data, data, data, *signals, kinds, ends_hz, rigid, words))
+        data = Spectra.of_response(response, *band_hz, size)
+        trials.append(_Trial(data, data, data, *signals, kinds, band_hz, rigid, words))
     return trials
 
 

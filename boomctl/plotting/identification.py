@@ -7,9 +7,9 @@ import numpy as np
 from boomctl.plotting.canvas import COLORS, few_labels, frequency_axis, legend, line_look, panels
 
 if TYPE_CHECKING:
+    from boomctl.identification.fit_result import FitResult
     from boomctl.identification.identify import IdentificationResult
     from boomctl.identification.response import FrequencyResponseEstimate
-    from boomctl.identification.result import FitResult
 
 _TOGETHER = "0.15"  # color of a fit to several data sets, each of which has another color
 _BEFORE = "0.6"  # color of the initial model

@@ -15,7 +15,7 @@ from boomctl.boom.factory import spray_boom
 from boomctl.boom.parameters import BoomParameters
 from boomctl.boom.published import MEASURED_HZ
 from boomctl.identification.fit import fit
-from boomctl.identification.result import FitResult
+from boomctl.identification.fit_result import FitResult
 from boomctl.lab.papers.jobs import Chapter
 from boomctl.report import Section, Table
 from boomctl.structure.model import SecondOrderModel

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from boomctl.arrays import Array
-from boomctl.identification.certificate import FitCertificate
 from boomctl.identification.families import of_fit, union
+from boomctl.identification.fit_certificate import FitCertificate
 from boomctl.identification.identifiability import ParameterCombination
 from boomctl.identification.measured import Measured
 from boomctl.printing import WIDTH, DataFrame, Summarized, count, data_frame
