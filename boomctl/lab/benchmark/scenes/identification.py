@@ -85,7 +85,7 @@ def identification() -> Scene:
         " validation_fraction={:.2g})"
     )
     return Scene(
-        title=f"Modes of a steel frame from {_OUTPUTS} accelerometers",
+        title=f"Modes of a steel frame from {_OUTPUTS} accelerometers, {_RECORDS} records",
         question=f"From {_RECORDS} times {_SAMPLES:,} simulated samples, errors of {100 * _ERRORS:g} % to {_INSIDE} modes to"
         f" {BAND[1]:g} Hz.",
         measure="Largest relative error of a frequency, one pole for each mode, 1 where none is left for it; mean of the"
