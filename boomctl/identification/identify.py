@@ -407,8 +407,8 @@ def identify(
     from an estimated initial state.  Then the model is fitted to the full record and exported.
 
     Confidence intervals come from a jackknife over blocks with equal information, so that they also hold for colored
-    errors.  Strong modes just outside the band do not bias the poles of a record: these are fitted with more pairs outside
-    the band than the system has.  For a measured frequency response choose a band that includes such modes, or ends well
+    errors.  Against bias by strong modes just outside the band, the poles of a record are fitted with more pairs outside the
+    band than the system has.  For a measured frequency response choose a band that includes such modes, or ends well
     below them.  Prediction intervals come from a jackknife over four long parts of the record or over several records:
     they include changes of the structure with time and level.
 
@@ -464,9 +464,8 @@ def identify(
         scale = fit.data.scale / trial.complete.scale
         fit, unresolved = refine(replace(fit, data=trial.complete.scaled(scale)), trial.band)
         fit = settled(fit, trial.band)
-    fit, number = _modes_first(fit, trial, wanted)
-    wide = unbiased(fit, trial.band)
-    fit = fit if wide is fit else replace(wide, fixed=fit.fixed)
+    wide, number = _modes_first(unbiased(fit, trial.band), trial, wanted)
+    fit = replace(wide, fixed=fit.fixed)
     if (trial.tested.output_rms > _QUIET * trial.data.output_rms).any():  # not the end of the motion after an impact
         _check_fit(percent, trial.outputs)
     if trial.data.lengths:

@@ -130,7 +130,8 @@ class Response:
 
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""
-        result = _largest(self.response(omega))
+        with np.errstate(all="ignore"):
+            result = _largest(self.response(omega))
         return np.where(np.isfinite(result), result, np.inf)
 
     @cached_property

@@ -131,7 +131,7 @@ def with_background(fit: CommonPoles, band: Band) -> CommonPoles:
 
 
 def unbiased(fit: CommonPoles, band: Band) -> CommonPoles:
-    """Return the fit of a record with more pairs outside the band, if its left-out error falls.
+    """Return the fit of a record with more pairs outside the band, if its left-out error falls and no mode leaves the band.
 
     Strong modes just outside the band then do not move the poles.  A system does not need so many states for them.
     """
@@ -140,7 +140,8 @@ def unbiased(fit: CommonPoles, band: Band) -> CommonPoles:
     if not fit.data.lengths or most_poles(fit.data) < len(fit.poles) + len(fixed):
         return fit
     more = fitted(replace(fit, fixed=np.append(fit.fixed, fixed)))
-    return more if _falls(left_out_errors(fit), left_out_errors(more), 0.0) else fit
+    stay = (band.modes(more.poles) == band.modes(fit.poles)).all()
+    return more if stay and _falls(left_out_errors(fit), left_out_errors(more), 0.0) else fit
 
 
 def _shown(data: Spectra, poles: Array) -> Array:
