@@ -281,9 +281,12 @@ def _climbed(modes: ModalSystem, low: float, omega: float, high: float) -> tuple
         if not np.isfinite(G).all():
             return np.inf, at
         u, values, v, _ = lapack.zgesdd(G, full_matrices=0)
-        if values[0] > peak:
-            peak, at = float(values[0]), omega
-        parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (factors * factors / values[0])
+        before, height = peak, float(values[0])
+        if height > peak:
+            peak, at = height, omega
+        if abs(height - before) <= ROOT * before:  # Converged, or no resonance, where steps are too small.
+            break
+        parts = (u[:, 0].conj() @ modes.C) * (modes.B @ v[0].conj()) * (factors * factors / height)
         slope, bend = parts.sum(), float(parts.dot(factors).real)  # of the logarithm, times 1j
         rise = slope.imag**2
         curve = 4.0 * rise - abs(slope) ** 2 + 2.0 * bend

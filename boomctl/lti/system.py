@@ -340,7 +340,7 @@ def _solved(plant: Lti, K: Lti) -> Array:
 def closed(plant: Lti, K: Lti, solved: Array) -> Lti:
     """Return a plant whose last signals are closed; ``solved`` is the inverse of ``I - D_K D22``."""
     m, p = plant.B.shape[1] - len(K.C), len(plant.C) - K.B.shape[1]
-    (B1, B2), (C1, C2) = np.split(plant.B, [m], axis=1), np.split(plant.C, [p])
+    B1, B2, C1, C2 = plant.B[:, :m], plant.B[:, m:], plant.C[:p], plant.C[p:]
     D11, D12, D21, D22 = plant.D[:p, :m], plant.D[:p, m:], plant.D[p:, :m], plant.D[p:, m:]
     direct, state = solved @ K.D, solved @ K.C
     read = K.B + K.B @ (D22 @ direct)

@@ -176,6 +176,13 @@ def test_a_level_that_is_enough_and_one_that_is_too_low(P):
     best = bc.h_infinity(P, 1, 1)
     enough = bc.h_infinity(P, 1, 1, gamma=2.0 * best.gamma)
     assert best.gamma < enough.gamma <= enough.certificate.norm_bounds.upper_bound <= 2.0 * best.gamma
+    assert (enough.gamma_bounds.reached, enough.gamma_bounds.lower, enough.success) == (
+        pytest.approx(2.0 * best.gamma, rel=1e-3),
+        0.0,
+        True,
+    )
+    assert "not computed" in enough.certificate.lower_bound_source
+    assert "lower bound" not in repr(enough)
     with pytest.raises(bc.exceptions.SynthesisError, match="cannot be reached"):
         bc.h_infinity(P, 1, 1, gamma=0.9 * best.certificate.lower_bound)
 

@@ -173,7 +173,7 @@ class Bounds:
     riccati : float
         Lower bound by the Riccati equations.
     reason : str
-        Condition that fails below it.
+        Condition that fails below it, or why there is no lower bound.
     band : float
         Largest magnitude of the poles of the plant and of the H2-optimal loop [rad/s].
     """
@@ -196,7 +196,7 @@ class Bounds:
     def why(self) -> str:
         """Origin of the lower bound."""
         if self.lower == 0.0:
-            return "none: the lower bound is zero"
+            return f"none: {self.reason or 'the lower bound is zero'}"
         if self.frequency >= self.riccati:
             return f"lower bound {self.frequency:.6g} at {self.omega:.4g} rad/s"
         return f"below {self.riccati:.6g} {self.reason}"
@@ -217,7 +217,12 @@ class Bounds:
         frequency, riccati = (
             0.0 if bound > norm * (1.0 + LEVEL) else min(bound, norm) for bound in (self.frequency, self.riccati)
         )
-        return replace(self, frequency=frequency, riccati=riccati, reason=self.reason if riccati > 0.0 else "")
+        return replace(
+            self,
+            frequency=frequency,
+            riccati=riccati,
+            reason=self.reason if riccati > 0.0 or self.riccati == 0.0 else "",
+        )
 
 
 def lowest_level(

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 _MAP_RTOL = 1e-4  # Excess of the norm on the unit circle over that of the image, by rounding of the bilinear map.
 _NORM_RTOL = 0.01  # Excess of the norm of a loop over the level of its controller, by rounding of the solver.
-_WANTED_LEVELS = (0.9999, 0.99)  # Levels below a wanted norm; the second one leaves more for rounding.
+_WANTED_LEVELS = (0.99999, 0.99)  # Levels below a wanted norm; the second one leaves more for rounding.
 # Excess of the first levels over the lower bound, relative to rtol. The nearer one has faster poles, further from those
 # that are retained if they are residualized.
 _FIRST_LEVELS = (FIRST_LEVEL, 0.5)
@@ -43,6 +43,7 @@ _FIRST_LEVELS = (FIRST_LEVEL, 0.5)
 _MAX_EXCESS, _MAX_EXCESS_STRICT = 1.0, 100.0
 _LEVELS = 255  # Between rtol and the largest excess; bisection takes eight of them.
 _MAX_SPEED = 1000.0  # Default limit of the controller's poles, relative to those of the plant and of the H2 loop.
+_NOT_COMPUTED = Bounds(0.0, 0.0, np.inf, 0.0, "not computed for a given `gamma`", 0.0)
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class HInfinityResult(Summarized, LoopDesign):
         Verification of the closed loop, and its distance from the optimum.
     gamma_bounds : Bounds
         Lower bounds for all controllers, at one frequency and by the two Riccati equations, and the lowest level reached.
+        The bounds are zero if a given ``gamma`` is reached.
         For a discrete plant those of its continuous image, with ``omega`` mapped back.
     elapsed : float
         Time of the design and its verification [s].
@@ -108,7 +110,8 @@ class HInfinityResult(Summarized, LoopDesign):
         return plotting.plot_h_infinity(self, curves, ax, frequency_unit=frequency_unit, **style)
 
     def __repr__(self) -> str:
-        norms = f"norm of the closed loop {self.gamma:.6g}, verified; lower bound {self.gamma_bounds.lower:.6g}"
+        norms, lower = f"norm of the closed loop {self.gamma:.6g}, verified", self.gamma_bounds.lower
+        norms += f"; lower bound {lower:.6g}" if lower > 0.0 else ""
         return f"HInfinityResult: controller of {system(self._controller)}\n  {norms}{self.certificate._on_full_plant}"
 
 
@@ -142,13 +145,15 @@ def h_infinity(
         Numbers of measurements and controls. If None, they are determined from the labels that `generalized_plant` and
         `mixed_sensitivity` give.
     gamma : float, optional
-        Target for the norm of the closed loop; a lower norm is not searched for.
+        Target for the norm of the closed loop. If a controller reaches it, neither a lower norm nor a lower bound is
+        searched for.
     rtol : float, default: 0.01
         Relative gap between the norm and the lower bound at which the bisection stops.
     fastest_pole : float, optional
         Largest magnitude of the controller's poles [rad/s]. If None, 1,000 times the fastest pole of the plant and
-        of its H2-optimal state feedback and filter; this limit is dropped if the norm would exceed
-        twice the lower bound, as the certificate then states. Must be None for a discrete plant.
+        of its H2-optimal state feedback and filter; with ``gamma`` of the plant alone, if that suffices. This limit is
+        dropped if the norm would exceed twice the lower bound, as the certificate then states. Must be None for a
+        discrete plant.
     time_limit : float, default: 60
         Time limit [s].
     progress : callable, optional
@@ -196,15 +201,12 @@ def h_infinity(
     with computing("H-infinity synthesis", progress):
         deadline = Deadline(limit)
         try:
-            bounds, reached = lowest_level(ready, rtol, deadline, wanted)
-            if wanted is not None and wanted < bounds.lower:
-                raise SynthesisError(f"`gamma` = {wanted:.6g} cannot be reached: {bounds.why}.")
-            fastest = allowed if allowed is not None else (_MAX_SPEED * bounds.band or np.inf)
-            task = _Task(plant, ready, bounds, reached, fastest, rtol, deadline, wanted)
-            candidate = _lowest_controller(task, strict=allowed is not None)
+            task = _Task(plant, ready, allowed, rtol, deadline, wanted)
+            given = None if wanted is None else _at_given_level(task, wanted)
+            task, candidate = given or _searched(task)
         except OutOfTimeError as over:
             raise SynthesisError(f"The time limit of {limit:g} s was exceeded while {over}.") from None
-        bounds = bounds.below(candidate.norm.upper_bound)
+        bounds = task.bounds.below(candidate.norm.upper_bound)
         summary = _summary(task, bounds, candidate)
         bounds = replace(bounds, omega=float(omega_of_image(bounds.omega, original.system.dt)))
         if discrete:
@@ -214,7 +216,7 @@ def h_infinity(
         certificate = DesignCertificate(
             norm_bounds=candidate.norm,
             spectral_abscissa=candidate.abscissa,
-            fastest_pole=largest_pole(K),
+            fastest_pole=largest_pole(candidate.K),
             lower_bound=bounds.lower,
             lower_bound_source=bounds.why,
             stages=candidate.stages,
@@ -235,16 +237,21 @@ def h_infinity(
 
 @dataclass(frozen=True)
 class _Task:
-    """A plant, lower bounds of its loops and the lowest level reached, and the requirements on a controller."""
+    """A plant, the requirements on a controller and, once they are known, lower bounds and the lowest level reached."""
 
     plant: GeneralizedPlant
     ready: NormalizedPlant
-    bounds: Bounds
-    reached: Level
-    fastest: float
+    allowed: float | None
     rtol: float
     deadline: Deadline
-    wanted: float | None = None
+    wanted: float | None
+    bounds: Bounds = _NOT_COMPUTED
+    reached: Level | None = None
+
+    @property
+    def fastest(self) -> float:
+        """Largest magnitude of the controller's poles [rad/s]."""
+        return self.allowed if self.allowed is not None else (_MAX_SPEED * self.bounds.band or np.inf)
 
     def level(self, excess: float) -> float:
         """Return a level by its excess over the lower bound, not below the one that is reached."""
@@ -253,30 +260,49 @@ class _Task:
         return level if level >= reached else reached * (1.0 + 0.1 * self.rtol)
 
 
-def _lowest_controller(task: _Task, strict: bool) -> Candidate:
+def _at_given_level(task: _Task, wanted: float) -> tuple[_Task, Candidate] | None:
+    """Return a controller of the given level without a search; None if none passes.
+
+    Its poles are limited relative to those of the plant alone.
+    """
+    band = float(np.abs(task.ready.system.poles).max(initial=0.0))
+    task = replace(task, bounds=replace(task.bounds, reached=wanted, band=band))
+    log: list[str] = []
+    passed: dict[float, Candidate] = {}
+    if not any(_passes(task, passed, log, wanted * factor) for factor in _WANTED_LEVELS):
+        return None
+    return task, replace(*passed.values(), stages=tuple(log))
+
+
+def _searched(task: _Task) -> tuple[_Task, Candidate]:
     """Return the controller of the lowest level whose poles are slow enough and whose loop is verified.
 
-    If there is none up to twice the lower bound, and unless ``strict``, the limit on the poles is dropped.
+    If there is none up to twice the lower bound, and the user set no limit on the poles, the limit is dropped.
 
     Raises
     ------
     SynthesisError
-        If no controller passes, with the reasons.
+        If a given level is below the lower bound, or if no controller passes, with the reasons.
     OutOfTimeError
         If the time is up.
     """
+    bounds, reached = lowest_level(task.ready, task.rtol, task.deadline, task.wanted)
+    if task.wanted is not None and task.wanted < bounds.lower:
+        raise SynthesisError(f"`gamma` = {task.wanted:.6g} cannot be reached: {bounds.why}.")
+    task = replace(task, bounds=bounds, reached=reached)
     log: list[str] = []
-    limits = {task.fastest: _MAX_EXCESS_STRICT} if strict else {task.fastest: _MAX_EXCESS, np.inf: _MAX_EXCESS_STRICT}
+    strict = {task.fastest: _MAX_EXCESS_STRICT}
+    limits = strict if task.allowed is not None else {task.fastest: _MAX_EXCESS, np.inf: _MAX_EXCESS_STRICT}
     for fastest, most in limits.items():
         passed: dict[float, Candidate] = {}
-        passes = partial(_passes, replace(task, fastest=fastest), passed, log)
+        passes = partial(_passes, replace(task, allowed=fastest), passed, log)
         if task.wanted is not None:
-            any(passes(max(task.wanted * factor, task.bounds.reached)) for factor in _WANTED_LEVELS)
+            any(passes(max(task.wanted * factor, bounds.reached)) for factor in _WANTED_LEVELS)
         elif not any(passes(task.level(factor * task.rtol)) for factor in _FIRST_LEVELS):
             levels = [task.level(excess) for excess in np.geomspace(task.rtol, most, _LEVELS)]
             bisect_left(levels, True, key=passes)
         if passed:
-            return replace(passed[min(passed)], stages=tuple(log))
+            return task, replace(passed[min(passed)], stages=tuple(log))
     raise SynthesisError(f"No controller passed verification: {'; '.join(log[-2:])}.")
 
 
@@ -285,8 +311,9 @@ def _passes(task: _Task, passed: dict[float, Candidate], log: list[str], gamma: 
     task.deadline.check(f"computing a controller for gamma = {gamma:.6g}")
     name, level = "two Riccati equations", f"at gamma = {gamma:.6g}"
     try:
-        known = abs(gamma / task.reached.gamma - 1.0) <= SOLVED
-        reached = task.reached if known else level_of(task.ready, gamma)
+        reached = task.reached
+        if reached is None or abs(gamma / reached.gamma - 1.0) > SOLVED:
+            reached = level_of(task.ready, gamma)
         K = suboptimal_controller(task.ready, reached, task.plant.D22)
         if (speed := largest_pole(K)) > task.fastest:
             log.append(f"{name} {level}: a pole at {speed:.3g} rad/s where {task.fastest:.3g} are allowed")

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,12 +65,12 @@ class GeneralizedPlant:
     def __post_init__(self) -> None:
         s = self.system
         self.nz, self.nw = nz, nw = len(s.D) - self.nmeas, s.D.shape[1] - self.ncon
-        self.A, (self.B1, self.B2), (self.C1, self.C2) = s.A, np.split(s.B, [nw], axis=1), np.split(s.C, [nz])
-        (self.D11, self.D12), (self.D21, self.D22) = (np.split(D, [nw], axis=1) for D in np.split(s.D, [nz]))
+        self.A, self.B1, self.B2, self.C1, self.C2 = s.A, s.B[:, :nw], s.B[:, nw:], s.C[:nz], s.C[nz:]
+        self.D11, self.D12, self.D21, self.D22 = s.D[:nz, :nw], s.D[:nz, nw:], s.D[nz:, :nw], s.D[nz:, nw:]
         self.disturbances, self.controls = s.input_labels[:nw], s.input_labels[nw:]
         self.performance, self.measurements = s.output_labels[:nz], s.output_labels[nz:]
 
-    @property
+    @cached_property
     def dual(self) -> "GeneralizedPlant":
         """Transposed plant, in which controls and measurements, and the other signals, are exchanged."""
         s = self.system
