@@ -12,7 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy import special
+from scipy import fft, special
 
 from boomctl.arrays import Array, squared
 from boomctl.checks import known, warn_user, whole, within
@@ -720,11 +720,11 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
 def _warn_of_feedback(fit: CommonPoles) -> None:
     """Warn where errors of the outputs are followed by inputs."""
     data, rows = fit.data, fit.data.record == 0
-    U, length, size = data.U[rows], data.lengths[0], np.abs(data.U[rows])
+    U, length, size = data.U[rows], fft.next_fast_len(data.lengths[0], real=True), np.abs(data.U[rows])
     cross, unit = np.zeros((length // 2 + 1, U.shape[1]), complex), U / np.where(size > 0.0, size, 1.0)
     for o, error in enumerate(complex_of(fit.residuals)[rows].T, start=1):
         cross[data.lines[0]] = unit * error.conj()[:, None]
-        lag = np.abs(np.fft.irfft(cross, length, axis=0))
+        lag = np.abs(fft.irfft(cross, length, axis=0))
         deviation = np.sqrt(2.0 * squared(cross).sum(axis=0)) / length
         later, sooner = lag[_LATER : length // 4].max(axis=0), lag[-(length // 4) : -_LATER].max(axis=0)
         if ((later > _FEEDBACK * deviation) & (later > 2.0 * sooner)).any():

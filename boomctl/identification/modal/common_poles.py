@@ -11,6 +11,7 @@ from boomctl.identification.modal.spectra import Spectra, complex_of, real
 
 _STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
 _DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
+_EXPECTED = 0.1  # Such a fraction of that fall, by the quadratic model, also ends them: a tenth of a standard error.
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
@@ -83,15 +84,8 @@ class CommonPoles:
 
     @cached_property
     def _solved(self) -> tuple[Array, Array]:
-        """Return coefficients and residuals; the second round takes back what rounding of products costs the first."""
-        left, result = real(self.data.Y), np.zeros((len(self._rows), self.data.Y.shape[1]))
-        rounding = _CLEAN * np.square(left).sum()
-        for _ in range(2):
-            step = self._root @ (self._root.T @ (self._rows @ left))
-            left, result = left - self._rows.T @ step, result + step
-            if np.square(left).sum() > rounding:
-                break
-        return result, left
+        """Return coefficients and residuals."""
+        return least_squares(self._rows, self._root, real(self.data.Y))
 
     @cached_property
     def basis(self) -> Array:
@@ -109,10 +103,12 @@ class CommonPoles:
         result = self._solved[0]
         return result[: len(result) - len(self._rest)].reshape(len(self.poles), 2, self._width, result.shape[1])
 
-    def contribution(self, k: int) -> Array:
-        """Return the response and the free motions of one pole, (2 n, p)."""
-        rows = slice(2 * self._width * k, 2 * self._width * (k + 1))
-        return self._rows[rows].T @ self._solved[0][rows]
+    def alone(self, k: int, low: float, high: float) -> Spectra:
+        """Return the data from low to high [rad/s], less all that is not the response and free motions of one pole."""
+        window, own = self.data.within(low, high), slice(2 * self._width * k, 2 * self._width * (k + 1))
+        inside = np.repeat((self.data.s.imag >= low) & (self.data.s.imag <= high), 2)
+        left = self.residuals[inside] + self._rows[own, inside].T @ self._solved[0][own]
+        return replace(window, Y=complex_of(left))
 
     @property
     def of_rest(self) -> Array:
@@ -211,10 +207,14 @@ class CommonPoles:
 
     @cached_property
     def over_time(self) -> tuple[Array, ...]:
-        """Derivatives by each pole without what all columns explain of them, `basis` and `residuals`, of each record."""
+        """`basis` and `residuals` over time, of each record."""
+        return self.data.over_time(np.concatenate([self.basis.T, self.residuals.T]).T)
+
+    @cached_property
+    def derivatives_over_time(self) -> tuple[Array, ...]:
+        """Derivatives by each pole without what all columns explain of them, over time, of each record."""
         derived, basis = self._derived, self.basis.T
-        jacobian = derived - (derived @ basis.T) @ basis
-        return self.data.over_time(np.concatenate([jacobian, basis, self.residuals.T]).T)
+        return self.data.over_time((derived - (derived @ basis.T) @ basis).T)
 
     @property
     def factors(self) -> Array:
@@ -280,6 +280,21 @@ def root_of_inverse(products: Array) -> Array:
     return root
 
 
+def least_squares(rows: Array, root: Array, y: Array) -> tuple[Array, Array]:
+    """Return coefficients and residuals of columns, given as rows (c, n), with the root of the inverse of their products.
+
+    The second round takes back what rounding of products costs the first.
+    """
+    left, result = y, np.zeros((len(rows), y.shape[1]))
+    rounding = _CLEAN * np.square(left).sum()
+    for _ in range(2):
+        step = root @ (root.T @ (rows @ left))
+        left, result = left - rows.T @ step, result + step
+        if np.square(left).sum() > rounding:
+            break
+    return result, left
+
+
 def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
     """Return the least squares over the poles too, or what steps towards it give while they gain more than the least.
 
@@ -297,7 +312,10 @@ def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
         second, downward = second / size / size[:, None], downward / size
         while True:
             damped = second + damping * np.eye(len(size))
-            step = np.linalg.solve(damped, downward) / size
+            step = np.linalg.solve(damped, downward)
+            if downward @ step * here.residuals.size < _EXPECTED * least * here.cost:
+                return here
+            step = step / size
             step *= min(1.0, _FARTHEST / max(np.abs(step).max(), np.finfo(float).tiny))
             there = here.moved(step.reshape(-1, 2))
             if there.cost < here.cost or damping > _GIVE_UP:

@@ -39,7 +39,8 @@ def deviations(fit: CommonPoles, count: int = BLOCKS) -> Array:
         return ((weights @ jacobian) * jacobian).sum(axis=(0, 1))
 
     steps = []
-    for block in _blocks(fit, fit.over_time, count, information):
+    parts = (np.concatenate(both, axis=1) for both in zip(fit.derivatives_over_time, fit.over_time, strict=True))
+    for block in _blocks(fit, tuple(parts), count, information):
         jacobian, basis, left = np.split(block, [k * w, -p], axis=1)
         own = curvature(factors, jacobian.T @ jacobian)
         gradient = pull(factors, jacobian.T @ (left + _left_out(basis, left)))
@@ -52,8 +53,7 @@ def left_out_errors(fit: CommonPoles) -> Array:
     """Compute the sum of squared errors of each block if the residues are fitted without the block."""
     p = fit.residuals.shape[1]
     result = []
-    columns = np.concatenate([fit.basis.T, fit.residuals.T]).T
-    for block in _blocks(fit, fit.data.over_time(columns), BLOCKS):
+    for block in _blocks(fit, fit.over_time, BLOCKS):
         basis, left = np.split(block, [-p], axis=1)
         result.append(np.square(left + _left_out(basis, left)).sum())
     return np.array(result)
@@ -61,8 +61,11 @@ def left_out_errors(fit: CommonPoles) -> Array:
 
 def _left_out(basis: Array, left: Array) -> Array:
     """Return by how much the residuals of a block grow if the coefficients are fitted without the block."""
-    rest = np.eye(basis.shape[1]) - _LARGEST * (basis.T @ basis)
-    return basis @ np.linalg.solve(rest, basis.T @ left)
+    rows, columns = basis.shape
+    if rows < columns:
+        leverage = basis @ basis.T
+        return np.linalg.solve(np.eye(rows) - _LARGEST * leverage, leverage @ left)
+    return basis @ np.linalg.solve(np.eye(columns) - _LARGEST * (basis.T @ basis), basis.T @ left)
 
 
 def _blocks(

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
-from boomctl.identification.modal.common_poles import CommonPoles
+from boomctl.identification.modal.common_poles import CommonPoles, least_squares, root_of_inverse
 from boomctl.identification.modal.modal_structure import modal_structure
 from boomctl.identification.modal.spectra import Spectra, complex_of, pairs, real, rms
 from boomctl.lti.rounding import ALIKE
@@ -74,7 +74,8 @@ class RankOne:
         """Return the model with these directions of the inputs, all that is linear by least squares."""
         blocks = _columns(data, poles, b, fixed, rigid_b, integrators)
         blocks += [data.free(poles), data.ends(integrators)]
-        every = _coefficients(np.concatenate(blocks, axis=1), real(data.Y)) * data.scale
+        rows = np.concatenate(blocks, axis=1).T
+        every = least_squares(rows, root_of_inverse(rows @ rows.T), real(data.Y))[0] * data.scale
         result = np.split(every, np.cumsum([block.shape[1] for block in blocks]))
         k, f, m, p = len(poles), len(fixed), b.shape[1], every.shape[1]
         c = result[0][:k] + 1j * result[0][k:]
@@ -186,13 +187,6 @@ class RankOne:
             real_residues=residues,
             double_residue=double,
         )
-
-
-def _coefficients(columns: Array, y: Array) -> Array:
-    """Return the coefficients of columns of any size by least squares."""
-    size = np.linalg.norm(columns, axis=0)
-    size[size == 0.0] = 1.0
-    return linalg.lstsq(columns / size, y, lapack_driver="gelsy")[0] / size[:, None]  # type: ignore[index]
 
 
 def _columns(data: Spectra, poles: Array, b: Array, fixed: Array, rigid_b: Array, integrators: int) -> list[Array]:

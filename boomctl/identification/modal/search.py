@@ -35,6 +35,7 @@ _OUTSIDE_POLE = -0.05 + 1.0j  # Such a pole over its frequency.
 _REAL_POLES = 2  # Largest number of real poles.
 _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
+_SLIGHT = 1.0  # Fall of the cost that does not change whether there are two poles: they come together in many small steps.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
 _LESS_STEADY = 0.2  # The same where that fit finds no pole.
@@ -106,7 +107,8 @@ def refine(fit: CommonPoles, band: Band) -> tuple[CommonPoles, Array]:
 def settled(fit: CommonPoles, band: Band) -> CommonPoles:
     """Return the fit at its minimum, without poles that are not determined; modes by frequency, then other poles."""
     order = np.argsort(np.where(band.modes(fit.poles), fit.poles.imag, np.inf), kind="stable")
-    return pruned(fitted(_weighted(_roughly(_with(fit, fit.poles[order])))), band)
+    fit = fit if (np.diff(order) > 0).all() else _with(fit, fit.poles[order])
+    return pruned(fitted(_weighted(_roughly(fit))), band)
 
 
 def most_poles(data: Spectra) -> int:
@@ -363,17 +365,15 @@ def _two_poles(fit: CommonPoles, k: int, start: complex) -> CommonPoles | None:
     The left-out error must fall by most of what the error of the fit falls.  Within one line of a frequency response two
     poles cannot be distinguished from a distorted peak.
     """
-    others = replace(fit.data, Y=complex_of(fit.residuals + fit.contribution(k)))
-    pole = fit.poles[k]
-    resolution = fit.data.resolution
+    pole, resolution = fit.poles[k], fit.data.resolution
     split = 1j * max(-pole.real, 0.5 * resolution)
     starts = [start, pole + split, pole - split]
     far = max(_NEIGHBOR * -pole.real, *(abs(second.imag - pole.imag) for second in starts))
     half = far + _side(fit.data, max(-pole.real / resolution, 1.0)) * resolution
-    window = others.within(pole.imag - half, pole.imag + half)
-    one = fitted(CommonPoles(window, np.array([pole]), np.zeros(0)))
+    window = fit.alone(k, pole.imag - half, pole.imag + half)
+    one = fitted(CommonPoles(window, np.array([pole]), np.zeros(0)), _SLIGHT)
     trials = (CommonPoles(window, np.array([pole, second]), np.zeros(0)) for second in starts)
-    two = fitted(min(trials, key=lambda trial: trial.cost))
+    two = fitted(min(trials, key=lambda trial: trial.cost), _SLIGHT)
     fall = left_out_errors(one) - left_out_errors(two)
     error = fall.std(ddof=1) * np.sqrt(len(fall))
     distance = np.abs(np.diff(two.poles.imag)[0])
@@ -410,8 +410,10 @@ def _candidate_gains(data: Spectra, rate: float) -> tuple[Array, Array]:
         at = centers[:, None] + side
         s = 1j * (omega[at] - omega[centers][:, None]) / data.resolution
         ground = np.concatenate([U[at], s[..., None] * U[at] / half, np.ones((*at.shape, 1))], axis=2)
-        mode = U[at] / (s + rate)[..., None]
-        rest = np.linalg.qr(np.concatenate([ground, mode], axis=2))[0][..., -U.shape[1] :]
+        columns = np.concatenate([ground, U[at] / (s + rate)[..., None]], axis=2)
+        columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), np.finfo(float).tiny)
+        products = columns.conj().swapaxes(1, 2) @ columns + SUMMED * np.eye(columns.shape[2])
+        rest = columns @ np.linalg.inv(np.linalg.cholesky(products))[:, -U.shape[1] :].conj().swapaxes(1, 2)
         windows = sliding_window_view(E, side[-1] - side[0] + 1, axis=0)[at[0, 0] : at[-1, 0] + 1 : spacing, :, ::thin]
         within = np.square(np.abs(windows @ rest.conj())).sum(axis=(1, 2))
         for center, gain in zip(omega[centers], within, strict=True):
