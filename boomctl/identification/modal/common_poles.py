@@ -10,8 +10,9 @@ from boomctl.arrays import Array
 from boomctl.identification.modal.spectra import Spectra, complex_of, real
 
 _STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
-_DONE = 0.1  # fall of the sum of squares, in squared errors of one number, that ends them: a third of a standard error
-_EXPECTED = 0.1  # Such a fraction of that fall, by the quadratic model, also ends them: a tenth of a standard error.
+# Fall of the sum of squares, in squared errors of one number, that ends them, also where a step is expected to have it: a
+# third of a standard error.
+_DONE = 0.1
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
 _LEAST_DAMPING = 1e-6  # what is always added: rounding of the curvature stays far below
 _GIVE_UP = 1e6  # damping at which no step falls: rounding
@@ -296,7 +297,7 @@ def least_squares(rows: Array, root: Array, y: Array) -> tuple[Array, Array]:
 
 
 def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
-    """Return the least squares over the poles too, or what steps towards it give while they gain more than the least.
+    """Return the least squares over the poles too, or what steps towards it give while they gain, and are to gain, the least.
 
     Gains are of the sum of squares, in squared errors of one number.
     """
@@ -313,7 +314,7 @@ def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
         while True:
             damped = second + damping * np.eye(len(size))
             step = np.linalg.solve(damped, downward)
-            if downward @ step * here.residuals.size < _EXPECTED * least * here.cost:
+            if downward @ step * here.residuals.size < least * here.cost:
                 return here
             step = step / size
             step *= min(1.0, _FARTHEST / max(np.abs(step).max(), np.finfo(float).tiny))

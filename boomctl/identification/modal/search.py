@@ -35,7 +35,9 @@ _OUTSIDE_POLE = -0.05 + 1.0j  # Such a pole over its frequency.
 _REAL_POLES = 2  # Largest number of real poles.
 _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
-_SLIGHT = 1.0  # Fall of the cost that does not change whether there are two poles: they come together in many small steps.
+_SLIGHT = (
+    1.0  # Fall of the cost that does not change whether there are two poles: they come together in many small steps.
+)
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
 _LESS_STEADY = 0.2  # The same where that fit finds no pole.
@@ -409,11 +411,15 @@ def _candidate_gains(data: Spectra, rate: float) -> tuple[Array, Array]:
             continue
         at = centers[:, None] + side
         s = 1j * (omega[at] - omega[centers][:, None]) / data.resolution
-        ground = np.concatenate([U[at], s[..., None] * U[at] / half, np.ones((*at.shape, 1))], axis=2)
-        columns = np.concatenate([ground, U[at] / (s + rate)[..., None]], axis=2)
-        columns /= np.maximum(np.linalg.norm(columns, axis=1, keepdims=True), np.finfo(float).tiny)
-        products = columns.conj().swapaxes(1, 2) @ columns + SUMMED * np.eye(columns.shape[2])
-        rest = columns @ np.linalg.inv(np.linalg.cholesky(products))[:, -U.shape[1] :].conj().swapaxes(1, 2)
+        near = U[at]
+        ground = [near, s[..., None] * near / half, np.ones((*at.shape, 1))]
+        columns = np.concatenate([*ground, near / (s + rate)[..., None]], axis=2)
+        products = columns.conj().swapaxes(1, 2) @ columns
+        size = np.sqrt(np.diagonal(products, axis1=1, axis2=2).real)[..., None]
+        size[size == 0.0] = 1.0
+        one = np.eye(products.shape[1])
+        root = np.linalg.cholesky(products / size / size.swapaxes(1, 2) + SUMMED * one).conj().swapaxes(1, 2)
+        rest = columns @ (np.linalg.solve(root, one[:, -U.shape[1] :]) / size)
         windows = sliding_window_view(E, side[-1] - side[0] + 1, axis=0)[at[0, 0] : at[-1, 0] + 1 : spacing, :, ::thin]
         within = np.square(np.abs(windows @ rest.conj())).sum(axis=(1, 2))
         for center, gain in zip(omega[centers], within, strict=True):
