@@ -20,7 +20,7 @@ _HELD = ("_of", "nominal", "model", "system")  # attributes of records that hold
 # Compiled modules with a BLAS library each, which may be the same.
 _LOADERS = ("numpy.linalg._umath_linalg", "scipy.linalg._fblas", "slycot._wrapper")
 # Names of the functions of OpenBLAS, which depend on who compiled it.
-_NAMES = [f"{prefix}openblas_{{}}{suffix}" for prefix in ("", "scipy_") for suffix in ("", "64_", "_64")]
+_NAMES = [f"{prefix}openblas_{{}}{suffix}" for prefix in ("scipy_", "") for suffix in ("64_", "", "_64")]
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 _Library = tuple[Callable[[], Any], Callable[[int], Any]]  # Functions that return and that set the number of threads.
