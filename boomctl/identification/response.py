@@ -23,7 +23,7 @@ _POLES = 2  # degree of their denominator
 _REGULAR = 1e-8  # Least singular value of columns of length one that are not taken for dependent.
 _SPARE = 8  # lines of a local fit beyond its unknowns: its deviation is then known to a quarter
 _INDEPENDENT = 0.01  # Least singular value of a local fit's unit columns: the result loses two digits.
-_OUTPUTS = 4  # whose lag is estimated at most
+_OUTPUTS = 4  # whose lag is estimated at most, to check what was given
 _BLOCKS = 12  # of frequencies, whose scatter gives the deviation of the lag
 _LEAST_LAG, _SURE = 0.15, 2.0  # ratio of lags from -1 (none) to 1 (half a sample): least absolute value, deviations
 _REAL = 0.3  # mean cosine of twice the phase, least, of a response that is real but near resonances
@@ -215,7 +215,8 @@ def _intersample_of_outputs(record: Record) -> str | None:
     """
     if min(map(len, record.u)) < 4 * _BLOCKS * (len(record.inputs) + _DEGREE + _POLES):
         return None
-    some = np.unique(np.linspace(0, len(record.outputs) - 1, _OUTPUTS).astype(int))
+    every = len(record.outputs)
+    some = np.unique(np.linspace(0, every - 1, every if record.intersample is None else _OUTPUTS).astype(int))
     kinds = [record.quantity[k] for k in some]
     hz, G, variance, _, use, _ = _local(replace(record, y=tuple(y[:, some] for y in record.y)), None)
     if use.sum() < 2 * _BLOCKS:
