@@ -720,16 +720,16 @@ def _band(record: Record, frequency_range_hz: Any, least_lines: float) -> tuple[
 def _warn_of_feedback(fit: CommonPoles) -> None:
     """Warn where errors of the outputs are followed by inputs."""
     data, rows = fit.data, fit.data.record == 0
-    U, length, size = data.U[rows], fft.next_fast_len(data.lengths[0], real=True), np.abs(data.U[rows])
-    cross, unit = np.zeros((length // 2 + 1, U.shape[1]), complex), U / np.where(size > 0.0, size, 1.0)
-    for o, error in enumerate(complex_of(fit.residuals)[rows].T, start=1):
-        cross[data.lines[0]] = unit * error.conj()[:, None]
-        lag = np.abs(fft.irfft(cross, length, axis=0))
-        deviation = np.sqrt(2.0 * squared(cross).sum(axis=0)) / length
-        later, sooner = lag[_LATER : length // 4].max(axis=0), lag[-(length // 4) : -_LATER].max(axis=0)
-        if ((later > _FEEDBACK * deviation) & (later > 2.0 * sooner)).any():
-            warn_user(
-                f"inputs follow from errors of output {o}, as in a closed loop: the model then mixes structure and"
-                " controller, unless errors are small; add a signal of your own to the inputs"
-            )
-            return
+    U, errors, length = data.U[rows], complex_of(fit.residuals)[rows], fft.next_fast_len(data.lengths[0], real=True)
+    size = np.abs(U)
+    cross = np.zeros((length // 2 + 1, U.shape[1], errors.shape[1]), complex)
+    cross[data.lines[0]] = (U / np.where(size > 0.0, size, 1.0))[:, :, None] * errors.conj()[:, None]
+    lag = np.abs(fft.irfft(cross, length, axis=0))
+    deviation = np.sqrt(2.0 * squared(cross).sum(axis=0)) / length
+    later, sooner = lag[_LATER : length // 4].max(axis=0), lag[-(length // 4) : -_LATER].max(axis=0)
+    follows = ((later > _FEEDBACK * deviation) & (later > 2.0 * sooner)).any(axis=0)
+    if follows.any():
+        warn_user(
+            f"inputs follow from errors of output {follows.argmax() + 1}, as in a closed loop: the model then mixes"
+            " structure and controller, unless errors are small; add a signal of your own to the inputs"
+        )

@@ -38,6 +38,7 @@ _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below
 _SLIGHT = (
     1.0  # Fall of the cost that does not change whether there are two poles: they come together in many small steps.
 )
+_EVEN = 1.25  # Ratio of the errors of outputs up to which weights by them would lower no variance by more than 2 %.
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
 _LESS_STEADY = 0.2  # The same where that fit finds no pole.
@@ -260,10 +261,10 @@ def _roughly(fit: CommonPoles) -> CommonPoles:
 
 
 def _weighted(fit: CommonPoles) -> CommonPoles:
-    """Return the fit with each output in units of its own errors."""
+    """Return the fit with each output in units of its own errors; itself if they are alike already."""
     # of an output: smaller residuals are rounding, and no errors to weigh by
     scale = np.maximum(fit.deviation, ALIKE * np.sqrt(np.square(np.abs(fit.data.Y)).mean(axis=0)))
-    return fit.scaled(scale)
+    return fit if scale.max() <= _EVEN * scale.min() else fit.scaled(scale)
 
 
 def _with_evidence(fit: CommonPoles) -> CommonPoles:
