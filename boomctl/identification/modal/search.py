@@ -35,10 +35,8 @@ _OUTSIDE_POLE = -0.05 + 1.0j  # Such a pole over its frequency.
 _REAL_POLES = 2  # Largest number of real poles.
 _RATES_OF_REAL_POLES = 5  # Rates of candidates, from the slowest to the highest frequency.
 _SLOWEST = 0.3  # Rate of a real pole over the slowest that the data show, below which it is an integrator.
-_SLIGHT = (
-    1.0  # Fall of the cost that does not change whether there are two poles: they come together in many small steps.
-)
-_EVEN = 1.25  # Ratio of the errors of outputs up to which weights by them would lower no variance by more than 2 %.
+# Fall of the cost that does not change whether there are two poles, which come together in many small steps.
+_SLIGHT = 1.0
 _ROUGH = 0.05  # Fall of the cost, over the evidence of a mode, below which steps do not change which modes have it.
 _STEADY = 0.5  # Fraction of the orders at which a pole is stable if the fit starts from it.
 _LESS_STEADY = 0.2  # The same where that fit finds no pole.
@@ -261,10 +259,10 @@ def _roughly(fit: CommonPoles) -> CommonPoles:
 
 
 def _weighted(fit: CommonPoles) -> CommonPoles:
-    """Return the fit with each output in units of its own errors; itself if they are alike already."""
+    """Return the fit with each output in units of its own errors."""
     # of an output: smaller residuals are rounding, and no errors to weigh by
     scale = np.maximum(fit.deviation, ALIKE * np.sqrt(np.square(np.abs(fit.data.Y)).mean(axis=0)))
-    return fit if scale.max() <= _EVEN * scale.min() else fit.scaled(scale)
+    return fit.scaled(scale)
 
 
 def _with_evidence(fit: CommonPoles) -> CommonPoles:
