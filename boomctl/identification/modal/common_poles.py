@@ -10,7 +10,7 @@ from boomctl.arrays import Array
 from boomctl.identification.modal.spectra import Spectra, complex_of, real
 
 _STEPS = 40  # Most Gauss-Newton steps of a fit; ten suffice from a close start.
-# Fall of the sum of squares, in squared errors of one number, that ends them, also where a step is expected to have it: a
+# Fall of the sum of squares, in squared errors of one number, that ends them, also if it is only expected of a step: a
 # third of a standard error.
 _DONE = 0.1
 _DAMPING = 1e-3  # of the curvature that is added at first (Marquardt)
@@ -297,9 +297,10 @@ def least_squares(rows: Array, root: Array, y: Array) -> tuple[Array, Array]:
 
 
 def fitted(start: CommonPoles, least: float = _DONE) -> CommonPoles:
-    """Return the least squares over the poles too, or what steps towards it give while they gain, and are to gain, the least.
+    """Return the least squares over the poles too, or what steps towards it give while they gain more than the least.
 
-    Gains are of the sum of squares, in squared errors of one number.
+    Gains are of the sum of squares, in squared errors of one number.  A damped step that is expected to gain less is not
+    taken.
     """
     here, damping = start, _DAMPING
     if not len(here.poles):
