@@ -133,7 +133,16 @@ def test_suspension_families_span_springs_and_masses(families):
     )
     assert [each.name.partition(":")[0] for each in found] == ["jolt", "jolt", "yaw", "yaw"]
     assert all(family.ranges == {"spring_factor": SPRING, "mass_factor": MASS} for family in families)
-    assert families[0].names == families[3].names == ("spring_factor", "mass_factor")
+    assert families[0].names == families[1].names == ("spring_factor", "mass_factor")
+
+
+@pytest.mark.parametrize(("bound", "calls"), [(1.0, 1), (np.inf, 2)])
+def test_stability_is_proved_alone_only_without_a_bound_of_the_peak(families, monkeypatch, bound, calls):
+    worst = SimpleNamespace(summary="", method="", upper_bound=bound)
+    monkeypatch.setattr(verification, "worst_case", lambda family, *_, **__: families.append(family) or worst)
+    machine = verification.SuspensionVerification(bc.BoomParameters(), None, FieldScenario(elements=4))
+    assert [each.proved for each in machine.over_the_box()] == 2 * [True, True if bound == 1.0 else None]
+    assert len(families) == 2 * calls
 
 
 def test_measured_yaw_family_ends_at_measured_frequency(families):

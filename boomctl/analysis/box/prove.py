@@ -6,12 +6,12 @@ and many parameters.  Both show that no pole, or no singular value at the level,
 connected, so that the statement holds throughout if it holds at one point.
 
 A cell of parameters is proved or halved.  At every fifth halving, and before the proof stops, the cell is divided into cells
-of parameters and frequencies, about as many as take as long as the cells of parameters since the last such division.
+of parameters and frequencies, about as many as take as long as the cells of parameters since the last such division.  If 32
+cells of parameters have not proved a part of the box, it is divided as a whole.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 from math import inf
 
 import numpy as np
@@ -28,6 +28,8 @@ COST_RATIO = 150  # Run time of a cell of parameters, relative to one of paramet
 _MOST_PARAMETERS = 16
 _HALVINGS = 5  # Halvings of a cell between two trials with cells of parameters and frequencies.
 _TRIAL = 4  # Budget of such a trial, in units of `COST_RATIO` cells of parameters and frequencies.
+_BEFORE_WHOLE = 32  # Cells of parameters before the trial of a whole part.
+_WHOLE = 0.5  # Budget of the trial of a whole part, as a fraction of the limit, over the number of parameters.
 
 
 @dataclass
@@ -100,42 +102,57 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
         ``limit`` are not halved.
     """
     parameter_cells, frequency_cells = 0, 0
+    for part in parts:
+        result = _prove_part(part, statement, limit)
+        parameter_cells += result.parameter_cells
+        frequency_cells += result.frequency_cells
+        if not result.proved:
+            return replace(result, parameter_cells=parameter_cells, frequency_cells=frequency_cells)
+    return BoxProof(True, parameter_cells, frequency_cells)
 
-    def met(part: LoopPart, gain: float, point: Array) -> float:
+
+def _prove_part(part: LoopPart, statement: Statement, limit: float) -> BoxProof:
+    """Prove a statement over a part of a box."""
+    size, parameter_cells, frequency_cells = len(part.cell.middle), 0, 0
+    waiting, visited, level, tried = [Cell.whole(size)], 0, statement.level, False
+    prove, responses = part.prover(level), None
+
+    def met(gain: float, point: Array) -> float:
         statement.met(gain, part.cell.point(point))
         return statement.level
 
-    for part in parts:
-        waiting, visited, level = [Cell.whole(len(part.cell.middle))], 0, statement.level
-        prove, responses = part.prover(level), None
-        while waiting:
-            tell("cells of the box proved", parameter_cells + frequency_cells)
-            cell, visited = waiting.pop(), visited + 1
-            axis = prove(cell)
-            if axis is None:
-                parameter_cells += 1
+    while waiting:
+        tell("cells of the box proved", parameter_cells + frequency_cells)
+        cell, visited = waiting.pop(), visited + 1
+        axis = prove(cell)
+        if axis is None:
+            parameter_cells += 1
+            continue
+        middle = part.cell.point(cell.middle)
+        if not statement.holds(middle):
+            return BoxProof(False, parameter_cells, frequency_cells, middle)
+        # Bisection: about twice as many cells are visited as are proved.
+        last = cell.reach.max() < 1.0 / limit or visited >= 2.0 * limit
+        whole = visited >= _BEFORE_WHOLE and not tried
+        if whole or last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
+            budget, tried = (_WHOLE * limit / size, True) if whole else (min(_TRIAL, limit), tried)
+            most = int(budget * COST_RATIO) * (size <= _MOST_PARAMETERS)
+            responses = responses or ResponseCells.of(part)
+            count = responses.prove(Cell.whole(size) if whole else cell, statement.level, most, met)
+            if statement.level == inf:
+                return BoxProof(False, parameter_cells, frequency_cells)
+            if count is not None and whole:
+                return BoxProof(True, 0, count)
+            if count is not None:
+                frequency_cells += count
                 continue
-            middle = part.cell.point(cell.middle)
-            if not statement.holds(middle):
-                return BoxProof(False, parameter_cells, frequency_cells, middle)
-            # Bisection: about twice as many cells are visited as are proved.
-            last = cell.reach.max() < 1.0 / limit or visited >= 2.0 * limit
-            if last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
-                most = int(min(_TRIAL, limit) * COST_RATIO) * (len(middle) <= _MOST_PARAMETERS)
-                responses = responses or ResponseCells.of(part)
-                count = responses.prove(cell, statement.level, most, partial(met, part))
-                if statement.level == inf:
-                    return BoxProof(False, parameter_cells, frequency_cells)
-                if count is not None:
-                    frequency_cells += count
-                    continue
-            if not last:
-                waiting += cell.halves(axis)
-            elif statement.looser():
-                waiting, visited = [*waiting, cell], 0
-            else:
-                return BoxProof(False, parameter_cells, frequency_cells, None, middle)
-            if statement.level > level:
-                level = statement.level
-                prove = part.prover(level)
+        if not last:
+            waiting += cell.halves(axis)
+        elif statement.looser():
+            waiting, visited = [*waiting, cell], 0
+        else:
+            return BoxProof(False, parameter_cells, frequency_cells, None, middle)
+        if statement.level > level:
+            level = statement.level
+            prove = part.prover(level)
     return BoxProof(True, parameter_cells, frequency_cells)

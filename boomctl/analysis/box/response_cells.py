@@ -211,13 +211,15 @@ class _Series:
         # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
         a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, center), (0.0, half)))
         b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((center, 1.0), (half, 0.0)))
-        turned: _Terms = {(): 1j * a, (0,): 1j * da}
-        still: _Terms = {(): -b, (0,): -db}
+        turned: _Terms = {p: x for p, x in {(): 1j * a, (0,): 1j * da}.items() if x.any()}
+        still: _Terms = {p: x for p, x in {(): -b, (0,): -db}.items() if x.any()}
         factors, beyond = _coefficients(loop.powers, cells.middle[:, 1:], cells.reach[:, 1:])
-        E, A, B = ({p: np.tensordot(w, X, 1) for p, w in factors.items()} for X in (loop.E, loop.A, loop.B))
+        alike = np.array_equal(loop.E[1:], loop.A[1:])  # of a sampled loop, parameters change both equally
+        E, B = ({p: _weighted(w, X) for p, w in factors.items()} for X in (loop.E, loop.B))
+        A = {p: E[p] if p and alike else _weighted(w, loop.A) for p, w in factors.items()}
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
         P = {p: inverse @ X for p, X in E.items() if not p or X.any()}
-        Q = {p: inverse @ X for p, X in A.items() if p and X.any()}
+        Q = {p: P[p] if alike else inverse @ X for p, X in A.items() if p and X.any()}
         Q[()] = (1j * a * P[()] - np.eye(len(loop.poles))) / b  # for j a P - b Q is one
         Z, higher = _expanded((turned, P), (still, Q))
         Z = {(i,): 0.0 * higher for i in range(1 + loop.size)} | Z
@@ -335,6 +337,11 @@ def _coefficients(
     total = monomials(np.abs(middle) + reach, often) - np.abs(weights).sum(axis=1)
     result = {tuple(i + 1 for i in power): weights[:, row] for row, power in enumerate(wanted)}
     return result, np.maximum(np.where(often.sum(axis=1) > _ORDER, total, 0.0), 0.0)
+
+
+def _weighted(weights: Array, matrices: Array) -> Array:
+    """Return sums of complex matrices with real weights, one for each row."""
+    return (weights @ matrices.reshape(len(matrices), -1).view(float)).view(complex).reshape(-1, *matrices.shape[1:])
 
 
 def _size(G: Array) -> Array:
