@@ -1,5 +1,7 @@
 """Derivatives that tuning rests on, against differences of the values themselves; its programs and peaks."""
 
+from types import SimpleNamespace
+
 import control
 import numpy as np
 import pytest
@@ -10,10 +12,10 @@ import boomctl as bc
 from boomctl.tunable.structures import Physical
 from boomctl.tuning.loops import Closed
 from boomctl.tuning.plants import FamilyPlants, build_plants
-from boomctl.tuning.point import Point
+from boomctl.tuning.point import ActiveFunction, Point
 from boomctl.tuning.problem import DAMPING, DECAY, FASTEST_POLE, GAIN_LIMIT, Problem
 from boomctl.tuning.responses import Response
-from boomctl.tuning.solver.polish import least, peak_hessian
+from boomctl.tuning.solver.polish import Polish, least, peak_hessian
 from tests.profiles import examples
 from tests.tuning.test_tune import family, swing, weighed
 
@@ -350,6 +352,30 @@ def test_quadratic_programme_meets_its_conditions(draw, seed):
     assert (G @ y - h).max() <= 1e-8
     assert z.min() >= -1e-12
     assert np.abs(z * (G @ y - h)).max() <= 1e-9 * h.max()
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("weight", [1.0, 1e2, 1e4, 1e6])
+def test_no_other_step_is_lower_with_any_penalty_weight(weight, seed):
+    """Of the highest of some planes, the weighted worst of others, and a quadratic form, at steps around the one returned."""
+    rng, n, k = np.random.default_rng(seed), 6, 17
+    values, slopes, limit = -0.1 * rng.uniform(size=k), rng.normal(size=(k, n)), np.arange(k) >= 12
+    functions = [ActiveFunction(0, 0, 1.0, float(values[i]), slopes[i], bool(limit[i]), passage=None) for i in range(k)]
+    box = SimpleNamespace(low=np.full(n, -0.3), high=np.full(n, 0.4))
+    search = Polish(lambda x: SimpleNamespace(x=x, problem=box), np.zeros(n), weight=weight, gain=0.0)
+    search._sizes, search._H = np.ones(n), np.diag(rng.uniform(size=n))
+
+    def merit(d):
+        there = values + slopes @ d
+        forms = 0.5 * ((search._H.diagonal() + search._damping) * d * d).sum()
+        return there[~limit].max() + weight * max(there[limit].max(), 0.0) + forms
+
+    d = search._step(functions, float(values[~limit].max()))[0]
+    others = d + 10.0 ** rng.uniform(-7, 0, (3000, 1)) * rng.normal(size=(3000, n))
+    others = np.clip(others, box.low, box.high)
+    assert (d >= box.low - 1e-12).all()
+    assert (d <= box.high + 1e-12).all()
+    assert merit(d) <= min(map(merit, others)) + 1e-9 * max(1.0, 1e-3 * weight)
 
 
 def loop_of(A, seed):

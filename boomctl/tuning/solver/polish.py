@@ -13,7 +13,7 @@ from scipy.linalg import lapack
 from scipy.optimize import nnls
 
 from boomctl.arrays import Array
-from boomctl.lti.rounding import SUMMED, TINY
+from boomctl.lti.rounding import LEVEL, SUMMED, TINY
 from boomctl.tuning.point import PEAK_RTOL, ActiveFunction, Height, Point
 from boomctl.tuning.problem import GAIN_LIMIT
 from boomctl.tuning.responses import WINDOW, same_frequency
@@ -36,6 +36,8 @@ _SHORTER = 3.0
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
 # softness of the constraints for the multipliers of the curvature: nearly equal functions share them
 _SHARED = 1e-7
+_HEAVIER = (10.0, 100.0)  # factors on the penalty weight that are tried at a step
+_SLIGHT = 0.01  # largest violation for which they are: a heavy penalty far from feasible points leads to poor minima
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
 _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
 # regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
@@ -54,20 +56,20 @@ class Polish:
     x : ndarray
         Initial parameters.
     weight : float
-        Penalty weight of constraint violations.
+        Initial penalty weight of constraint violations; the attribute ``weight`` may grow.
     gain : float
         Predicted decrease of a step below which the search ends; it also ends if six steps decrease by less than ten
         times this.
     """
 
     def __init__(self, point_at: Callable[[Array], Point], x: Array, *, weight: float, gain: float) -> None:
-        self._point_at, self._weight, self._gain = point_at, weight, gain
+        self._point_at, self.weight, self._gain = point_at, weight, gain
         self._point, self._damping = point_at(x), _DAMPING
         self._H = np.zeros((len(x), len(x)))
 
     def run(self, steps: int) -> Ended:
         """Return the result after at most ``steps`` steps."""
-        value = self._point.merit(self._weight)[0]
+        value = self._point.merit(self.weight)[0]
         if not isfinite(value):
             return Ended(self._point.x, value, 0)
         history = [value]
@@ -80,6 +82,9 @@ class Polish:
             multipliers = self._step(functions, value, _SHARED)[2]
             self._H = _curvature(self._point, functions, multipliers, self._sizes)
             self._sizes = _sizes(functions, self._H)
+            if self._heavier(functions, value):
+                value = self._point.merit(self.weight)[0]
+                history = [value]
             for trial in range(_TRIALS):
                 d, predicted, _ = self._step(functions, value)
                 if predicted <= self._gain:
@@ -104,10 +109,26 @@ class Polish:
                 return Ended(self._point.x, value, k + 1)
         return Ended(self._point.x, value, steps)
 
+    def _heavier(self, functions: list[ActiveFunction], value: float) -> bool:
+        """Raise the penalty weight if that lets a step halve a slight violation; return whether it was raised.
+
+        A violation that costs more than the step gains would otherwise remain at the minimum.
+        """
+        limits, light = [item for item in functions if item.limit], self.weight
+        violation = max((item.value for item in limits), default=0.0)
+        if not LEVEL < violation <= _SLIGHT or self._step(functions, value)[1] > light * violation:
+            return False
+        for self.weight in (light, *(factor * light for factor in _HEAVIER)):
+            d = self._step(functions, value)[0]
+            if max(item.value + float(item.gradient @ d) for item in limits) <= 0.5 * violation:
+                return self.weight > light
+        self.weight = light
+        return False
+
     def _trial(self, d: Array) -> tuple[Point, float]:
         """Return the loops after a step, and their merit."""
         there = self._point_at(self._point.problem.clipped(self._point.x + d))
-        return there, there.merit(self._weight)[0]
+        return there, there.merit(self.weight)[0]
 
     def _corrected(
         self, d: Array, functions: list[ActiveFunction], value: float, predicted: float
@@ -131,18 +152,18 @@ class Polish:
         limits, n, count = np.array([p.limit for p in functions]), len(x), len(functions)
         top, some = values[~limits].max(), int(limits.any())
         curved = self._H / root / root[:, None]
-        # variables: the step, the highest objective, and with constraints the worst violation
+        # variables: the step, the highest objective, and with constraints the cost of the worst violation
         m = n + 1 + some
         Q, c, unit = np.zeros((m, m)), np.zeros(m), np.eye(m)
         Q[:n, :n] = curved + self._damping * np.eye(n)
-        c[n], c[n + 1 :] = 1.0, self._weight
-        rows = np.hstack([gradients, (limits - 1.0)[:, None], limits[:, None] * -np.ones(some)])
+        c[n:] = 1.0
+        rows = np.hstack([gradients, (limits - 1.0)[:, None], limits[:, None] * np.full(some, -1.0 / self.weight)])
         up, down = np.maximum((problem.high - x) * root, 0.0), np.maximum((x - problem.low) * root, 0.0)
         rows = np.vstack([rows, -unit[n + 1 :], unit[:n], -unit[:n]])
         sides = np.concatenate([np.where(limits, 0.0, top) - values, np.zeros(some), up, down])
         y, z = least(Q, c, rows, sides, softness)
         there = values + gradients @ y[:n]
-        merit = float(there[~limits].max()) + self._weight * float(there[limits].max(initial=0.0))
+        merit = float(there[~limits].max()) + self.weight * float(there[limits].max(initial=0.0))
         return y[:n] / root, value - merit - 0.5 * float(y[:n] @ curved @ y[:n]), z[:count]
 
 

@@ -170,6 +170,8 @@ class Search:
             local.x, local.steps = down.x, local.steps + down.steps
         polish = Polish(lambda x: self.point(x, active_edge), local.x, weight=local.weight, gain=_MIN_DECREASE)
         done = polish.run(_POLISHING)
+        if polish.weight > local.weight:  # merits of different weights are not comparable
+            local.weight, before = polish.weight, inf
         local.x, local.steps, local.merit = done.x, local.steps + done.steps, done.value
         point, complete = self.keep(Point(self.problem, local.x, self.known))
         if point.excess > LEVEL:
