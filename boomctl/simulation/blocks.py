@@ -2,7 +2,8 @@
 
 Each block is first evaluated without limits.  Only the limited signals are checked; a block in which one reaches its limit
 is stepped sample by sample from its start instead.  The signals within the other blocks are computed at the end, for all
-blocks together.  A loop with end stops is run without them first, with its strokes checked at the steps that stops use.
+blocks together.  With quantized measurements each step is one product, too.  A loop with end stops is run without them first,
+with its strokes checked at the steps that stops use.
 """
 
 from collections.abc import Callable
@@ -17,6 +18,7 @@ from boomctl.simulation.stepping import ControlLog, LinearLoop, LoopProblem, lim
 _BLOCK = 32  # Samples of a block: longer blocks are interrupted by limits, shorter ones cost calls.
 LONGEST_QUEUE = 16  # Samples of delay above which a loop is stepped: each is a state of every control.
 _MOST_STATES = 400  # States above which powers of the loop's matrix cost more than they save.
+_STORED = 4096  # Steps of a quantized loop whose states are stored at once.
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
@@ -25,15 +27,17 @@ def run_fast(p: LoopProblem, log: ControlLog) -> Array:
 
 
 def in_blocks(p: LoopProblem) -> bool:
-    """Return whether a loop without contacts is linear between its limits, sampled at each step, and not too large."""
+    """Return whether a loop without contacts is small, sampled at each step, and linear but for limits and quantization."""
     states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
-    plain = p.grid.per_sample == 1 and not p.limits.coarse and p.lag < LONGEST_QUEUE and not p.added.any
+    plain = p.grid.per_sample == 1 and p.lag < LONGEST_QUEUE and not p.added.any
     plain = plain and p.controller.laws is None
     return plain and states <= _MOST_STATES and p.grid.steps >= 2 * _BLOCK
 
 
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     """Return ``C`` times the states at each step; fill the log."""
+    if p.limits.coarse:
+        return _run_rounded(p, log)
     loop, outputs, nu = p.linear, len(p.plant.C), len(p.controller.driven)
     used = p.disturbed
     first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
@@ -49,6 +53,18 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     samples = np.flatnonzero(np.repeat(clean, _BLOCK)[: p.samples])
     log.commanded[samples] = log.applied[samples] = result[outputs:, samples].T
     return result[:outputs]
+
+
+def _run_rounded(p: LoopProblem, log: ControlLog) -> Array:
+    """Return the same of a loop with quantized measurements, which is stepped throughout."""
+    walk, n, result = _walk(p, p.linear, log), len(p.plant.A), np.empty((len(p.plant.C), p.samples))
+    state = np.zeros(len(p.linear.Phi))
+    state[:n] = p.start
+    for begin in range(0, p.samples, _STORED):
+        end = min(begin + _STORED, p.samples)
+        states = walk(begin, end, state)
+        result[:, begin:end], state = p.plant.C @ states[:-1, :n].T, states[-1]
+    return result
 
 
 def _one_more(W: Array) -> Array:
@@ -92,30 +108,45 @@ def _walk(p: LoopProblem, loop: LinearLoop, log: ControlLog) -> Callable[[int, i
 
     From step ``begin`` to ``end`` and the initial state ``z`` it returns the states at each step, (steps + 1, states).
     """
-    outputs, nu, used = len(p.plant.C), len(p.controller.driven), p.disturbed
-    commands = slice(outputs, outputs + nu)
-    # effect of signals at the start and the end of a step on the commands and on the state at its end
-    first = np.vstack([loop.D[commands], loop.first])[:, used]
-    last = np.vstack([np.zeros_like(loop.D[commands]), loop.last])[:, used]
-    both, W = np.ascontiguousarray(np.vstack([loop.C[commands], loop.Phi])), _one_more(p.W[used])
-    force, rate = p.limits.force.tolist(), p.limits.rate.tolist()
+    outputs, nu, n, used = len(p.plant.C), len(p.controller.driven), len(loop.Phi), p.disturbed
+    commands, rounded = slice(outputs, outputs + nu), np.flatnonzero(np.isfinite(p.limits.quantum))
+    # quantized measurements follow from the state, in units of their steps; the errors of their rounding from them
+    grain, none = p.limits.quantum[rounded, None], np.zeros((len(rounded), 1))
+    reads, heard = loop.reads[rounded] / grain, p.plant.D[p.controller.measured[rounded]][:, used] / grain
+    moves, errors = np.vstack([loop.C[commands], loop.Phi]), loop.errors[:, rounded] * grain.T
+
+    def followed(rows: Array, extra: Array | float = 0.0) -> Array:
+        """Return the effect on commands and state, with that on the errors, computed later, and on the measurements."""
+        return np.vstack([rows, none * rows[:1], reads @ rows[nu:] + extra])
+
+    step = np.ascontiguousarray(followed(np.hstack([moves, errors])))
+    # effect of signals at the start and the end of a step
+    first = followed(np.vstack([loop.D[commands], loop.first])[:, used])
+    last, excess = (
+        followed(np.pad(loop.last[:, used], ((nu, 0), (0, 0))), heard),
+        followed(np.pad(loop.excess, ((nu, 0), (0, 0)))),
+    )
+    W, force, rate = _one_more(p.W[used]), p.limits.force.tolist(), p.limits.rate.tolist()
 
     def through(begin: int, end: int, z: Array) -> Array:
         here = W[:, begin : end + 1].T
         forcing = here[:-1] @ first.T + here[1:] @ last.T
-        rows = np.empty((len(here), nu + len(z)))
-        rows[0, nu:] = z
-        allowed = z[loop.latest].tolist()
+        rows, allowed = np.empty((len(here), len(step))), z[loop.latest].tolist()
+        states, error, read = np.split(rows[:, nu:], [n, n + len(rounded)], axis=1)
+        known, states[0], read[0] = rows[:, nu : nu + n + len(rounded)], z, reads @ z + heard @ here[0]
+        np.subtract(np.rint(read[0]), read[0], out=error[0])
         for k, forced in enumerate(forcing):
             row = rows[k + 1]
-            np.dot(both, rows[k, nu:], out=row)
+            np.dot(step, known[k], out=row)
             row += forced
             commanded = row[:nu].tolist()
-            log.commanded[begin + k] = commanded
             if limited(commanded, begin + k, force, rate, allowed, log):
-                row[nu:] += loop.excess @ np.subtract(allowed, commanded)
+                row += excess @ np.subtract(allowed, commanded)
+            if len(rounded):
+                np.subtract(np.rint(read[k + 1]), read[k + 1], out=error[k + 1])
+            log.commanded[begin + k] = commanded
             log.applied[begin + k] = allowed
-        return rows[:, nu:]
+        return states
 
     return through
 

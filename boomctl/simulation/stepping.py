@@ -144,7 +144,8 @@ class LinearLoop:
 
     ``z+ = Phi z + first d + last d+``; outputs are ``C x`` of the plant, the commanded controls, and their changes.
     ``excess`` is the effect of applied less commanded controls on ``z+``, ``latest`` the indices of the latest applied
-    controls in ``z``.
+    controls in ``z``.  Measurements are ``reads z`` plus the feedthrough of the disturbances; ``errors`` is the effect of
+    errors of the measurements on the commanded controls and on ``z+``.
     """
 
     Phi: Array
@@ -154,6 +155,8 @@ class LinearLoop:
     D: Array
     excess: Array
     latest: Array
+    reads: Array
+    errors: Array
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -188,7 +191,8 @@ def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLo
     A, B = held.matrices(maps.Phi, maps.before, maps.after)
     m, size, acting, latest = maps.first.shape[1], len(A), B[:, c.driven], held.starts[c.driven]
     moving, commanded = _grown(plant.C, len(plant.C), size), np.zeros((nu, size))
-    C = np.vstack([moving, commanded, commanded - np.eye(size)[latest], held.answers(0.0)[0][c.measured]])
+    reads = held.answers(0.0)[0][c.measured]
+    C = np.vstack([moving, commanded, commanded - np.eye(size)[latest], reads])
     D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
     D[len(moving) : len(moving) + nu, m:] = D[len(moving) + nu : read, m:] = np.eye(nu)
     D[read:, :m] = plant.D[c.measured]
@@ -196,7 +200,17 @@ def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLo
     # outputs do not depend on a control before it acts: the loop is well-posed
     loop = closed(Lti(A, np.hstack([first, acting]), C, D), Lti(c.A, c.B, c.C, c.D), np.eye(nu))
     last = _grown(maps.last, len(loop.A), m)
-    return LinearLoop(loop.A, loop.B, last, loop.C, loop.D, excess=np.vstack([acting, c.L]), latest=latest)
+    return LinearLoop(
+        loop.A,
+        loop.B,
+        last,
+        loop.C,
+        loop.D,
+        excess=np.vstack([acting, c.L]),
+        latest=latest,
+        reads=_grown(reads, len(reads), len(loop.A)),
+        errors=np.vstack([c.D, acting @ c.D, c.B]),
+    )
 
 
 def _grown(matrix: Array, rows: int, columns: int) -> Array:

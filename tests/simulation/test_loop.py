@@ -64,12 +64,15 @@ def test_the_loop_is_the_one_stepped_in_physical_coordinates(seed, share, slow, 
         assert np.abs(np.diff(found.controls[name])).max() <= rate * _H * (1.0 + 1e-12)
 
 
+@pytest.mark.parametrize("quantized", [[], _STROKES[:1], _STROKES])
 @pytest.mark.parametrize("delay", [0.0, 0.4e-2, 1e-2])
-def test_stepping_in_blocks_changes_nothing(delay, monkeypatch):
+def test_stepping_in_blocks_changes_nothing(delay, quantized, monkeypatch):
     eye, time = np.eye(2), 1e-2 * np.arange(1500)
     law = ct.ss(-6.0 * eye, 6.0 * eye, 150.0 * eye, -300.0 * eye, inputs=_STROKES, outputs=_SUSPENSION)
     platform = {"actuator_left": 0.01 * np.sin(3.0 * time), "actuator_right": 0.01 * np.sin(2.0 * time)}
     options = {"sample_time": 1e-2, "delay": delay, "control_limit": 1.0, "rate_limit": 10.0}
+    options["quantization"] = dict.fromkeys(quantized, 1e-3)
+    monkeypatch.setattr("boomctl.simulation.blocks._STORED", 1000)
     found = simulate_loop(bc.spray_boom(elements=6), law, time, platform, **options)
     monkeypatch.setattr("boomctl.simulation.loop.run_fast", run_smooth)
     slow = simulate_loop(bc.spray_boom(elements=6), law, time, platform, **options)
