@@ -2,14 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import log
 
 import numpy as np
 from scipy import linalg
 
 from boomctl.arrays import Array
 from boomctl.lti.modal import block_diagonal
-from boomctl.lti.rounding import DEPENDENT, ROOT, TINY
+from boomctl.lti.rounding import ALIKE, DEPENDENT, ROOT, TINY
 from boomctl.synthesis.plants.partition import GeneralizedPlant
+
+_POINTS = 24  # logarithmically spaced grid points, in addition to the resonances
+_SPREAD = np.arange(_POINTS) / (_POINTS - 1.0)
+_OFFSETS = np.array([-1.0, 0.0, 1.0])  # grid points around a resonance, in half-widths
 
 
 @dataclass(eq=False)
@@ -123,6 +128,17 @@ class Closed:
         return float(self.poles.real.max(initial=-np.inf))
 
     @cached_property
+    def frequencies(self) -> Array:
+        """Ascending frequencies, from zero, that resolve all resonances [rad/s]."""
+        return grid(self.poles)
+
+    @cached_property
+    def inverses(self) -> Array:
+        """Inverse distances of these frequencies from the poles, (poles, frequencies)."""
+        with np.errstate(all="ignore"):
+            return 1.0 / (1j * self.frequencies - self.poles[:, None])
+
+    @cached_property
     def modes(self) -> tuple[Array, Array, Array]:
         """Poles, left eigenvectors as rows and right ones as columns, normalized to products of one."""
         if self.coordinates[0].ndim == 1:
@@ -130,6 +146,24 @@ class Closed:
         values, left, right = linalg.eig(self.A, left=True, right=True, check_finite=False)
         left = left.conj().T  # type: ignore[union-attr]
         return values, left / (left * right.T).sum(axis=1)[:, None], right
+
+
+def grid(poles: Array) -> Array:
+    """Return ascending frequencies, from zero, that resolve all resonances."""
+    size = np.abs(poles)
+    top = float(size.max(initial=0.0))
+    rates = size[size > ROOT * top]
+    if not len(rates):
+        return np.zeros(1)
+    resonant = poles[poles.imag > 0.0]
+    width = np.maximum(np.abs(resonant.real), ALIKE * np.abs(resonant))
+    near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
+    low, high = log(0.1 * float(rates.min())), log(10.0 * top)
+    spread = np.exp(low + (high - low) * _SPREAD)
+    real = -poles.real[(poles.imag == 0.0) & (size > ROOT * top)]
+    result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real)])
+    result.sort()
+    return result[np.append(True, result[1:] > result[:-1])]
 
 
 def close(plant: ScaledPlant, K: Array) -> Closed | None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, isfinite, log
+from math import inf, isfinite
 from typing import NamedTuple
 
 import numpy as np
@@ -12,9 +12,6 @@ from boomctl.lti.frequency import top_of_resonance
 from boomctl.lti.rounding import ALIKE, ROOT, TINY
 from boomctl.tuning.loops import Closed
 
-_POINTS = 24  # logarithmically spaced grid points, in addition to the resonances
-_SPREAD = np.arange(_POINTS) / (_POINTS - 1.0)
-_OFFSETS = np.array([-1.0, 0.0, 1.0])  # grid points around a resonance, in half-widths
 _ROUNDS = 6  # bracket refinements, each to a tenth or less of the width for a smooth peak
 _CLOSE = 0.05  # fraction of a bracket on either side of the interpolated peak
 WINDOW = 0.1  # relative window below the highest peak within which peaks are refined
@@ -126,7 +123,9 @@ class Response:
         (p, m), D = self.D.shape, self.D[:, :, None]
         if self.A.ndim == 2:  # without independent eigenvectors, which is rare
             return np.moveaxis(self.through_states(omega, 1)[:, :p, :m], 0, 2) + D
-        return (self._residues @ (1.0 / (1j * omega - self.A[:, None]))).reshape(p, m, len(omega)) + D
+        shared = omega is self.loop.frequencies
+        inverse = self.loop.inverses if shared else 1.0 / (1j * omega - self.A[:, None])
+        return (self._residues @ inverse).reshape(p, m, len(omega)) + D
 
     def largest(self, omega: Array) -> Array:
         """Return the largest singular values."""
@@ -137,7 +136,8 @@ class Response:
     @cached_property
     def coarse(self) -> tuple[Array, Array, float]:
         """Grid, its largest singular values, and their maximum, including infinite frequency."""
-        omega = grid(self.loop.poles, self.known)
+        omega = self.loop.frequencies
+        omega = np.union1d(omega, self.known) if len(self.known) else omega
         values = self.largest(omega)
         return omega, values, float(values.max(initial=self.through))
 
@@ -228,24 +228,6 @@ def _largest_eigenvalues(G: Array) -> Array:
     if there.any():
         result[there] = np.linalg.eigvalsh(gram[there])[:, -1]
     return np.maximum(result, 0.0)
-
-
-def grid(poles: Array, also: Array) -> Array:
-    """Return ascending frequencies, from zero, that resolve all resonances."""
-    size = np.abs(poles)
-    top = float(size.max(initial=0.0))
-    rates = size[size > ROOT * top]
-    if not len(rates):
-        return np.unique(np.concatenate([[0.0], also]))
-    resonant = poles[poles.imag > 0.0]
-    width = np.maximum(np.abs(resonant.real), ALIKE * np.abs(resonant))
-    near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
-    low, high = log(0.1 * float(rates.min())), log(10.0 * top)
-    spread = np.exp(low + (high - low) * _SPREAD)
-    real = -poles.real[(poles.imag == 0.0) & (size > ROOT * top)]
-    result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real), also])
-    result.sort()
-    return result[np.append(True, result[1:] > result[:-1])]
 
 
 def same_frequency(a: float, b: float, rtol: float) -> bool:
