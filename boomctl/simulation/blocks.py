@@ -172,7 +172,7 @@ def run_without_contact(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Contr
         result = run_fast(extended, log)
         strokes = result[outputs:].reshape(per_step, len(stops), -1)[:, :, :-1].copy()
         for j in range(1, per_step):
-            strokes[j] += positions @ _pushed(p, fine, log, j)
+            strokes[j] += _pushed(positions, p, fine, log, j)
         offsets = np.array([stop.offsets(fine.W, fine.grid.h, fine.grid.per_point)[0] for stop in stops])
         strokes += offsets[:, :-1].reshape(len(stops), -1, per_step).transpose(2, 0, 1)
         last = result[outputs : outputs + len(stops), -1] + offsets[:, -1]
@@ -181,11 +181,11 @@ def run_without_contact(p: LoopProblem, fine: LoopProblem) -> tuple[Array, Contr
     return (result[:outputs], log) if free else None
 
 
-def _pushed(p: LoopProblem, fine: LoopProblem, log: ControlLog, j: int) -> Array:
-    """Return the effect of disturbances and controls on the states in ``j`` fine steps of each step, (n, steps)."""
+def _pushed(C: Array, p: LoopProblem, fine: LoopProblem, log: ControlLog, j: int) -> Array:
+    """Return ``C`` times the effect of disturbances and controls on the states in ``j`` fine steps of each step."""
     duration, driven, per_step = j * fine.grid.h, p.controller.driven, fine.grid.steps // p.grid.steps
     moving, used = p.plant.step(duration, p.switch), p.disturbed
-    moved = moving.first[:, used] @ p.W[used, :-1] + moving.last[:, used] @ fine.W[used, j::per_step]
+    moved = C @ moving.first[:, used] @ p.W[used, :-1] + C @ moving.last[:, used] @ fine.W[used, j::per_step]
     acting = log.acting(np.arange(p.grid.steps), p.lag, p.grid.per_sample)
     earlier = np.vstack([np.zeros((1, len(driven))), acting[:-1]])
-    return moved + moving.before[:, driven] @ earlier.T + moving.after[:, driven] @ acting.T
+    return moved + C @ moving.before[:, driven] @ earlier.T + C @ moving.after[:, driven] @ acting.T
