@@ -182,8 +182,10 @@ def _curvature(point: Point, functions: list[ActiveFunction], multipliers: Array
             continue
         if np.isnan(function.omega):  # H2 norm: finite differences of its gradient
             moved = [point.with_parameters(point.x + step) for step in _LITTLE * np.eye(n)]
+            stable = [item.well_posed and item.loop(function.model).abscissa < 0.0 for item in moved]
             there = [
-                item.h2(function.model, function.channel)[1] if item.stable else function.gradient for item in moved
+                item.h2(function.model, function.channel)[1] if decays else function.gradient
+                for item, decays in zip(moved, stable, strict=True)
             ]
             H += multiplier * (np.array(there) - function.gradient) / _LITTLE
         else:
