@@ -187,6 +187,6 @@ for name in ("sfoam", "sfoam-consistent", "foam"):
 
 # %% [markdown]
 # **Result:** SFOAM as it is printed in the paper loses 1.6e-04 of its energy in five seconds, because it omits a term
-# of the hub's equation. The consistent variant and FOAM conserve it to rounding error.
+# of the hub's equation. The consistent variant and FOAM conserve it as accurately as the motion is computed.
 #
 # **Conclusion:** for long simulations without damping, use `"sfoam-consistent"`, at the same cost.
