@@ -137,7 +137,7 @@ def test_suspension_families_span_springs_and_masses(families):
 
 
 @pytest.mark.parametrize(("bound", "calls"), [(1.0, 1), (np.inf, 2)])
-def test_stability_is_proved_alone_only_without_a_bound_of_the_peak(families, monkeypatch, bound, calls):
+def test_stability_is_proved_alone_without_a_bound_of_the_peak(families, monkeypatch, bound, calls):
     worst = SimpleNamespace(summary="", method="", upper_bound=bound)
     monkeypatch.setattr(verification, "worst_case", lambda family, *_, **__: families.append(family) or worst)
     machine = verification.SuspensionVerification(bc.BoomParameters(), None, FieldScenario(elements=4))

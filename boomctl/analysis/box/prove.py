@@ -114,7 +114,7 @@ def prove_box(parts: Sequence[LoopPart], statement: Statement, limit: float) -> 
 def _prove_part(part: LoopPart, statement: Statement, limit: float) -> BoxProof:
     """Prove a statement over a part of a box."""
     size, parameter_cells, frequency_cells = len(part.cell.middle), 0, 0
-    waiting, visited, level, tried = [Cell.whole(size)], 0, statement.level, False
+    waiting, visited, level, divided = [Cell.whole(size)], 0, statement.level, False
     prove, responses = part.prover(level), None
 
     def met(gain: float, point: Array) -> float:
@@ -133,9 +133,9 @@ def _prove_part(part: LoopPart, statement: Statement, limit: float) -> BoxProof:
             return BoxProof(False, parameter_cells, frequency_cells, middle)
         # Bisection: about twice as many cells are visited as are proved.
         last = cell.reach.max() < 1.0 / limit or visited >= 2.0 * limit
-        whole = visited >= _BEFORE_WHOLE and not tried
+        whole = visited >= _BEFORE_WHOLE and not divided
         if whole or last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
-            budget, tried = (_WHOLE * limit / size, True) if whole else (min(_TRIAL, limit), tried)
+            budget, divided = (_WHOLE * limit / size, True) if whole else (min(_TRIAL, limit), divided)
             most = int(budget * COST_RATIO) * (size <= _MOST_PARAMETERS)
             responses = responses or ResponseCells.of(part)
             count = responses.prove(Cell.whole(size) if whole else cell, statement.level, most, met)

@@ -36,8 +36,8 @@ _SHORTER = 3.0
 _FLAT = 1e-10  # fraction of the largest squared inverse natural size that is the least for all parameters
 # softness of the constraints for the multipliers of the curvature: nearly equal functions share them
 _SHARED = 1e-7
-_HEAVIER = (10.0, 100.0)  # factors on the penalty weight that are tried at a step
-_SLIGHT = 0.01  # largest violation for which they are: a heavy penalty far from feasible points leads to poor minima
+_HEAVIER = (10.0, 100.0)  # factors by which a step may raise the penalty weight
+_SLIGHT = 0.01  # largest violation at which it is raised: far from feasible points a heavy penalty leads to poor minima
 _LITTLE = 1e-6  # finite-difference step of an H2 norm's gradient
 _ROUNDS = 60  # iterations of a quadratic program at most; two or three are usual
 # regularization of variables without curvature in a quadratic program: larger values cost iterations, smaller ones accuracy
