@@ -118,10 +118,11 @@ class Polish:
         violation = max((item.value for item in limits), default=0.0)
         if not LEVEL < violation <= _SLIGHT or self._step(functions, value)[1] > light * violation:
             return False
-        for self.weight in (light, *(factor * light for factor in _HEAVIER)):
+        for factor in (1.0, *_HEAVIER):
+            self.weight = factor * light
             d = self._step(functions, value)[0]
             if max(item.value + float(item.gradient @ d) for item in limits) <= 0.5 * violation:
-                return self.weight > light
+                return factor > 1.0
         self.weight = light
         return False
 
