@@ -133,7 +133,7 @@ def _prove_part(part: LoopPart, statement: Statement, limit: float) -> BoxProof:
             return BoxProof(False, parameter_cells, frequency_cells, middle)
         # Bisection: about twice as many cells are visited as are proved.
         last = cell.reach.max() < 1.0 / limit or visited >= 2.0 * limit
-        whole = visited >= _BEFORE_WHOLE and not divided
+        whole = visited >= _BEFORE_WHOLE and not (divided or last)
         if whole or last or round(-np.log2(cell.reach.prod())) % _HALVINGS == _HALVINGS - 1:
             budget, divided = (_WHOLE * limit / size, True) if whole else (min(_TRIAL, limit), divided)
             most = int(budget * COST_RATIO) * (size <= _MOST_PARAMETERS)
