@@ -13,21 +13,27 @@ import numpy as np
 
 from boomctl.arrays import Array
 from boomctl.lti.hold import Lifted, recursion_without_lead
-from boomctl.simulation.stepping import ControlLog, LinearLoop, LoopProblem, limited, run_smooth
+from boomctl.simulation.stepping import STORED, ControlLog, LinearLoop, LoopProblem, limited, run_smooth
 
 _BLOCK = 32  # Samples of a block: longer blocks are interrupted by limits, shorter ones cost calls.
 LONGEST_QUEUE = 16  # Samples of delay above which a loop is stepped: each is a state of every control.
 _MOST_STATES = 400  # States above which powers of the loop's matrix cost more than they save.
-_STORED = 4096  # Steps of a quantized loop whose states are stored at once.
 
 
 def run_fast(p: LoopProblem, log: ControlLog) -> Array:
     """Run a loop without contacts, in blocks where :func:`in_blocks`; see ``run_smooth``."""
-    return _run_blocks(p, log) if in_blocks(p) else run_smooth(p, log)
+    if not _one_product(p):
+        return run_smooth(p, log)
+    return _run_quantized(p, log) if p.limits.coarse else _run_blocks(p, log)
 
 
 def in_blocks(p: LoopProblem) -> bool:
-    """Return whether a loop without contacts is small, sampled at each step, and linear but for limits and quantization."""
+    """Return whether a loop without contacts is linear between its limits, sampled at each step, and not too large."""
+    return _one_product(p) and not p.limits.coarse
+
+
+def _one_product(p: LoopProblem) -> bool:
+    """Return whether a step of a loop without contacts is one product, apart from limits and quantization."""
     states = len(p.plant.A) + (p.lag + 1) * len(p.controller.driven) + len(p.controller.A)
     plain = p.grid.per_sample == 1 and p.lag < LONGEST_QUEUE and not p.added.any
     plain = plain and p.controller.laws is None
@@ -36,8 +42,6 @@ def in_blocks(p: LoopProblem) -> bool:
 
 def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     """Return ``C`` times the states at each step; fill the log."""
-    if p.limits.coarse:
-        return _run_rounded(p, log)
     loop, outputs, nu = p.linear, len(p.plant.C), len(p.controller.driven)
     used = p.disturbed
     first, last, W = loop.first[:, used], loop.last[:, used], _one_more(p.W[used])
@@ -55,13 +59,13 @@ def _run_blocks(p: LoopProblem, log: ControlLog) -> Array:
     return result[:outputs]
 
 
-def _run_rounded(p: LoopProblem, log: ControlLog) -> Array:
+def _run_quantized(p: LoopProblem, log: ControlLog) -> Array:
     """Return the same of a loop with quantized measurements, which is stepped throughout."""
     walk, n, result = _walk(p, p.linear, log), len(p.plant.A), np.empty((len(p.plant.C), p.samples))
     state = np.zeros(len(p.linear.Phi))
     state[:n] = p.start
-    for begin in range(0, p.samples, _STORED):
-        end = min(begin + _STORED, p.samples)
+    for begin in range(0, p.samples, STORED):
+        end = min(begin + STORED, p.samples)
         states = walk(begin, end, state)
         result[:, begin:end], state = p.plant.C @ states[:-1, :n].T, states[-1]
     return result
@@ -109,32 +113,30 @@ def _walk(p: LoopProblem, loop: LinearLoop, log: ControlLog) -> Callable[[int, i
     From step ``begin`` to ``end`` and the initial state ``z`` it returns the states at each step, (steps + 1, states).
     """
     outputs, nu, n, used = len(p.plant.C), len(p.controller.driven), len(loop.Phi), p.disturbed
-    commands, rounded = slice(outputs, outputs + nu), np.flatnonzero(np.isfinite(p.limits.quantum))
-    # quantized measurements follow from the state, in units of their steps; the errors of their rounding from them
-    grain, none = p.limits.quantum[rounded, None], np.zeros((len(rounded), 1))
-    reads, heard = loop.reads[rounded] / grain, p.plant.D[p.controller.measured[rounded]][:, used] / grain
-    moves, errors = np.vstack([loop.C[commands], loop.Phi]), loop.errors[:, rounded] * grain.T
+    commands, coarse = slice(outputs, outputs + nu), np.flatnonzero(np.isfinite(p.limits.quantum))
+    quantum, errors = p.limits.quantum[coarse, None], slice(nu + n, nu + n + len(coarse))
+    reads, feedthrough = loop.reads[coarse] / quantum, p.plant.D[p.controller.measured[coarse]][:, used] / quantum
 
-    def followed(rows: Array, extra: Array | float = 0.0) -> Array:
-        """Return the effect on commands and state, with that on the errors, computed later, and on the measurements."""
-        return np.vstack([rows, none * rows[:1], reads @ rows[nu:] + extra])
+    # a row: commands, state, and of the measurements at the next sample, in units of their quanta, rounding errors and values
+    def with_measurements(rows: Array, more: Array | float = 0.0) -> Array:
+        """Return the effect on a row from that on commands and state; rounding errors are computed at each step."""
+        return np.vstack([rows, np.zeros((len(coarse), rows.shape[1])), reads @ rows[nu:] + more])
 
-    step = np.ascontiguousarray(followed(np.hstack([moves, errors])))
+    product = np.hstack([np.vstack([loop.C[commands], loop.Phi]), loop.errors[:, coarse] * quantum.T])
+    step = np.ascontiguousarray(with_measurements(product))  # of state and rounding errors
     # effect of signals at the start and the end of a step
-    first = followed(np.vstack([loop.D[commands], loop.first])[:, used])
-    last, excess = (
-        followed(np.pad(loop.last[:, used], ((nu, 0), (0, 0))), heard),
-        followed(np.pad(loop.excess, ((nu, 0), (0, 0)))),
-    )
+    first = with_measurements(np.vstack([loop.D[commands], loop.first])[:, used])
+    last = with_measurements(np.pad(loop.last[:, used], ((nu, 0), (0, 0))), feedthrough)
+    excess = with_measurements(np.pad(loop.excess, ((nu, 0), (0, 0))))
     W, force, rate = _one_more(p.W[used]), p.limits.force.tolist(), p.limits.rate.tolist()
 
     def through(begin: int, end: int, z: Array) -> Array:
         here = W[:, begin : end + 1].T
         forcing = here[:-1] @ first.T + here[1:] @ last.T
         rows, allowed = np.empty((len(here), len(step))), z[loop.latest].tolist()
-        states, error, read = np.split(rows[:, nu:], [n, n + len(rounded)], axis=1)
-        known, states[0], read[0] = rows[:, nu : nu + n + len(rounded)], z, reads @ z + heard @ here[0]
-        np.subtract(np.rint(read[0]), read[0], out=error[0])
+        states, error, measured = rows[:, nu : nu + n], rows[:, errors], rows[:, errors.stop :]
+        known, states[0], measured[0] = rows[:, nu : errors.stop], z, reads @ z + feedthrough @ here[0]
+        np.subtract(np.rint(measured[0]), measured[0], out=error[0])
         for k, forced in enumerate(forcing):
             row = rows[k + 1]
             np.dot(step, known[k], out=row)
@@ -142,8 +144,8 @@ def _walk(p: LoopProblem, loop: LinearLoop, log: ControlLog) -> Callable[[int, i
             commanded = row[:nu].tolist()
             if limited(commanded, begin + k, force, rate, allowed, log):
                 row += excess @ np.subtract(allowed, commanded)
-            if len(rounded):
-                np.subtract(np.rint(read[k + 1]), read[k + 1], out=error[k + 1])
+            if len(coarse):
+                np.subtract(np.rint(measured[k + 1]), measured[k + 1], out=error[k + 1])
             log.commanded[begin + k] = commanded
             log.applied[begin + k] = allowed
         return states

@@ -14,7 +14,7 @@ from boomctl.simulation.controller import SampledController
 from boomctl.simulation.plant import ModalPlant, Step
 from boomctl.simulation.signals import MOST_STEPS, TimeGrid
 
-_STORED = 4096  # Steps whose states are stored at once; larger blocks need more memory and save no time.
+STORED = 4096  # Steps whose states are stored at once; larger blocks need more memory and save no time.
 
 
 @dataclass(frozen=True)
@@ -191,7 +191,7 @@ def linear_loop(p: LoopProblem, maps: Step, late: tuple[int, float]) -> LinearLo
     A, B = held.matrices(maps.Phi, maps.before, maps.after)
     m, size, acting, latest = maps.first.shape[1], len(A), B[:, c.driven], held.starts[c.driven]
     moving, commanded = _grown(plant.C, len(plant.C), size), np.zeros((nu, size))
-    reads = held.answers(0.0)[0][c.measured]
+    reads = held.answers(0.0)[0][c.measured]  # measurements from the states of plant and controls
     C = np.vstack([moving, commanded, commanded - np.eye(size)[latest], reads])
     D, read = np.zeros((len(C), m + nu)), len(moving) + 2 * nu
     D[len(moving) : len(moving) + nu, m:] = D[len(moving) + nu : read, m:] = np.eye(nu)
@@ -308,7 +308,7 @@ def run_steps(
     """
     n, nu, per_sample, lag, steps = len(p.plant.A), len(p.controller.driven), p.grid.per_sample, p.lag, p.grid.steps
     sample, applied = sampler(p, log), log.applied
-    block = every * max(1, _STORED // every)
+    block = every * max(1, STORED // every)
     X, result = np.zeros((min(block, steps), n)), np.empty((len(p.plant.C), steps // every + 1))
     result[:, 0] = p.plant.C @ p.start
     full = np.zeros(n + 2 * nu)

@@ -72,10 +72,11 @@ def test_stepping_in_blocks_changes_nothing(delay, quantized, monkeypatch):
     platform = {"actuator_left": 0.01 * np.sin(3.0 * time), "actuator_right": 0.01 * np.sin(2.0 * time)}
     options = {"sample_time": 1e-2, "delay": delay, "control_limit": 1.0, "rate_limit": 10.0}
     options["quantization"] = dict.fromkeys(quantized, 1e-3)
-    monkeypatch.setattr("boomctl.simulation.blocks._STORED", 1000)
+    monkeypatch.setattr("boomctl.simulation.blocks.STORED", 1000)
     found = simulate_loop(bc.spray_boom(elements=6), law, time, platform, **options)
     monkeypatch.setattr("boomctl.simulation.loop.run_fast", run_smooth)
     slow = simulate_loop(bc.spray_boom(elements=6), law, time, platform, **options)
+    assert found.method == ("steps" if quantized else "blocks")
     for kind in ("outputs", "controls", "commanded"):
         for name, values in getattr(slow, kind).items():
             _close(getattr(found, kind)[name], values)
