@@ -130,7 +130,21 @@ class Closed:
     @cached_property
     def frequencies(self) -> Array:
         """Ascending frequencies, from zero, that resolve all resonances [rad/s]."""
-        return grid(self.poles)
+        poles = self.poles
+        size = np.abs(poles)
+        top = float(size.max(initial=0.0))
+        rates = size[size > ROOT * top]
+        if not len(rates):
+            return np.zeros(1)
+        resonant = poles[poles.imag > 0.0]
+        width = np.maximum(np.abs(resonant.real), ALIKE * np.abs(resonant))
+        near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
+        low, high = log(0.1 * float(rates.min())), log(10.0 * top)
+        spread = np.exp(low + (high - low) * _SPREAD)
+        real = -poles.real[(poles.imag == 0.0) & (size > ROOT * top)]
+        result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real)])
+        result.sort()
+        return result[np.append(True, result[1:] > result[:-1])]
 
     @cached_property
     def inverses(self) -> Array:
@@ -146,24 +160,6 @@ class Closed:
         values, left, right = linalg.eig(self.A, left=True, right=True, check_finite=False)
         left = left.conj().T  # type: ignore[union-attr]
         return values, left / (left * right.T).sum(axis=1)[:, None], right
-
-
-def grid(poles: Array) -> Array:
-    """Return ascending frequencies, from zero, that resolve all resonances."""
-    size = np.abs(poles)
-    top = float(size.max(initial=0.0))
-    rates = size[size > ROOT * top]
-    if not len(rates):
-        return np.zeros(1)
-    resonant = poles[poles.imag > 0.0]
-    width = np.maximum(np.abs(resonant.real), ALIKE * np.abs(resonant))
-    near = (resonant.imag[:, None] + width[:, None] * _OFFSETS).ravel()
-    low, high = log(0.1 * float(rates.min())), log(10.0 * top)
-    spread = np.exp(low + (high - low) * _SPREAD)
-    real = -poles.real[(poles.imag == 0.0) & (size > ROOT * top)]
-    result = np.concatenate([[0.0], spread, near[near > 0.0], np.abs(real)])
-    result.sort()
-    return result[np.append(True, result[1:] > result[:-1])]
 
 
 def close(plant: ScaledPlant, K: Array) -> Closed | None:

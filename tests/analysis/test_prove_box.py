@@ -205,14 +205,14 @@ def test_frequency_cells_complete_parameter_cells():
 def test_cells_of_parameters_and_frequencies_prove_a_whole_part(monkeypatch):
     """Where the first 32 cells of parameters prove nothing, and trials in these have no budget."""
     family, K = masses(np.random.default_rng(0), 2, 2, 0.1, 0.3)
-    (part,), never = BoxLoops.of(family, K).parts(), prove.Statement(lambda delta: True)
+    (part,), stable = BoxLoops.of(family, K).parts(), prove.Statement(lambda delta: True)
     monkeypatch.setattr(LoopPart, "prover", lambda self, level: lambda cell: int(np.argmax(cell.reach)))
     monkeypatch.setattr(prove, "_TRIAL", 0)
-    found, alone = prove.prove_box([part], never, 1e6), ResponseCells.of(part)
+    found = prove.prove_box([part], stable, 1e6)
     assert found.proved
-    count = alone.prove(Cell.whole(2), 1.0, 50_000, lambda gain, point: 1.0)
+    count = ResponseCells.of(part).prove(Cell.whole(2), 1.0, 50_000, lambda gain, point: 1.0)
     assert (found.parameter_cells, found.frequency_cells) == (0, count)
-    assert not prove.prove_box([part], never, 1).proved
+    assert not prove.prove_box([part], stable, 1).proved
 
 
 def test_a_level_that_does_not_hold_is_never_proved(monkeypatch):

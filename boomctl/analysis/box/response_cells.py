@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations_with_replacement
 from typing import TYPE_CHECKING, Any
 
@@ -126,6 +127,11 @@ class ResponseCells:
         E, A = (W @ both @ V).swapaxes(0, 1)
         return cls(powers, E, A, driving, loop.C @ V, loop.D, loop.dt > 0.0, rounding, poles, size)
 
+    @cached_property
+    def alike(self) -> bool:
+        """True if the parameters change ``E`` and ``A`` equally, as those of a sampled loop do."""
+        return np.array_equal(self.E[1:], self.A[1:])
+
     def start(self, box: Cell) -> Frontier:
         """Return the cells of a part of the box over all frequencies."""
         low, high = _FIRST * float(np.abs(self.poles).min()), TOP * float(np.abs(self.poles).max())
@@ -211,15 +217,15 @@ class _Series:
         # the pencil is j a E - b A: (frequency, 1), or (1, inverse frequency) of cells that reach infinity
         a, da = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((1.0, center), (0.0, half)))
         b, db = (np.where(cells.inverse, x, y)[:, None, None] for x, y in ((center, 1.0), (half, 0.0)))
+        # without a term that is zero in all cells
         turned: _Terms = {p: x for p, x in {(): 1j * a, (0,): 1j * da}.items() if x.any()}
         still: _Terms = {p: x for p, x in {(): -b, (0,): -db}.items() if x.any()}
         factors, beyond = _coefficients(loop.powers, cells.middle[:, 1:], cells.reach[:, 1:])
-        alike = np.array_equal(loop.E[1:], loop.A[1:])  # of a sampled loop, parameters change both equally
         E, B = ({p: _weighted(w, X) for p, w in factors.items()} for X in (loop.E, loop.B))
-        A = {p: E[p] if p and alike else _weighted(w, loop.A) for p, w in factors.items()}
+        A = {p: E[p] if p and loop.alike else _weighted(w, loop.A) for p, w in factors.items()}
         inverse = np.linalg.inv(1j * a * E[()] - b * A[()])
         P = {p: inverse @ X for p, X in E.items() if not p or X.any()}
-        Q = {p: P[p] if alike else inverse @ X for p, X in A.items() if p and X.any()}
+        Q = {p: P[p] if loop.alike else inverse @ X for p, X in A.items() if p and X.any()}
         Q[()] = (1j * a * P[()] - np.eye(len(loop.poles))) / b  # for j a P - b Q is one
         Z, higher = _expanded((turned, P), (still, Q))
         Z = {(i,): 0.0 * higher for i in range(1 + loop.size)} | Z

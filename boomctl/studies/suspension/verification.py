@@ -210,12 +210,12 @@ def _over_the_box(
 ) -> Iterator[Finding]:
     """Yield stability and the largest peak over springs and masses; forces of a discrete controller act later [s].
 
-    A proof of the peak is one of stability, too: only without it, stability is proved alone.
+    A proved bound of the peak implies stability, which is proved separately only if there is none.
     """
     worst, box = worst_case(family, K, inputs, outputs, delay=delay), "springs ±30 %, boom mass ±20 %"
     proved, method = worst.upper_bound < inf, box_method("branch and bound", worst, K)
     if proved:
-        yield Finding(box, "proved stable over the box: the worst peak is bounded", True, True, method=method)
+        yield Finding(box, "proved stable over the box: the worst peak is bounded", proved=True, method=method)
     else:
         yield stability_finding(box, robust_stability(family, K, delay=delay), K)
     name = f"worst peak there, {'proved' if proved else 'found'}"

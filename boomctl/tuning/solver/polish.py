@@ -116,13 +116,19 @@ class Polish:
         """
         limits, light = [item for item in functions if item.limit], self.weight
         violation = max((item.value for item in limits), default=0.0)
-        if not LEVEL < violation <= _SLIGHT or self._step(functions, value)[1] > light * violation:
+        if not LEVEL < violation <= _SLIGHT:
             return False
-        for factor in (1.0, *_HEAVIER):
+
+        def halved(d: Array) -> bool:
+            return max(item.value + float(item.gradient @ d) for item in limits) <= 0.5 * violation
+
+        d, predicted, _ = self._step(functions, value)
+        if predicted > light * violation or halved(d):
+            return False
+        for factor in _HEAVIER:
             self.weight = factor * light
-            d = self._step(functions, value)[0]
-            if max(item.value + float(item.gradient @ d) for item in limits) <= 0.5 * violation:
-                return factor > 1.0
+            if halved(self._step(functions, value)[0]):
+                return True
         self.weight = light
         return False
 
